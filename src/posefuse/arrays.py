@@ -14,6 +14,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from posefuse.lazy_array import LazyArray
+
 
 class ArraySource(Protocol):
     """Array that can be read by ranges of its first axis."""
@@ -40,7 +42,7 @@ def frozen(array: Any, dtype: Any = np.float64) -> np.ndarray:
     return out
 
 
-class ArrayRange:
+class ArrayRange(LazyArray):
     """Range of rows of an array, which is read on first access and then kept in memory.
 
     Args:
@@ -50,21 +52,15 @@ class ArrayRange:
     """
 
     def __init__(self, source: ArraySource, start: int, stop: int) -> None:
-        self._source, self._start, self._stop = source, start, stop
-        self._read: np.ndarray | None = None
-        self.shape: tuple[int, ...] = (stop - start, *source.shape[1:])
-        self.dtype = source.dtype
+        super().__init__((stop - start, *source.shape[1:]), source.dtype)
+        self._source, self._start = source, start
 
-    def __len__(self) -> int:
-        return self.shape[0]
+    def read_rows(self, start: int, stop: int) -> np.ndarray:
+        """Read rows."""
+        return np.asarray(self._source[self._start + start : self._start + stop])
 
-    def __getitem__(self, key: Any) -> np.ndarray:
-        if self._read is None:
-            self._read = np.asarray(self._source[self._start : self._stop])
-        return np.asarray(self._read[key])
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
-        return np.array(self[:], dtype=dtype, copy=copy)
+    def __getitem__(self, key: Any) -> Any:
+        return self.load()[key]
 
 
 def in_memory(source: ArraySource) -> bool:
@@ -102,7 +98,7 @@ def ranges(length: int, size: int) -> Iterator[tuple[int, int]]:
 
 def same(a: Any, b: Any) -> bool:
     """Return whether two field values are equal; arrays compare by content, and NaN equals NaN."""
-    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
+    if isinstance(a, np.ndarray | LazyArray) or isinstance(b, np.ndarray | LazyArray):
         a, b = np.asarray(a), np.asarray(b)
         return a.shape == b.shape and bool(np.array_equal(a, b, equal_nan=a.dtype.kind == "f" and b.dtype.kind == "f"))
     if isinstance(a, dict) and isinstance(b, dict):

@@ -14,6 +14,7 @@ from posefuse.arrays import frozen
 from posefuse.errors import FileError
 from posefuse.io.files import check_texts, reading
 from posefuse.io.hdf5 import check_ranged
+from posefuse.lazy_array import LazyArray, as_array
 from posefuse.skeleton.parts import Part
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.skeleton.trees import ADULT_M, Limit, Node, Tree
@@ -22,7 +23,7 @@ CHUNK_FRAMES = 256
 """Number of frames per compressed chunk."""
 
 
-class StoredArray:
+class StoredArray(LazyArray):
     """A variable of a netCDF file that is read by ranges. The file is open only during a read."""
 
     def __init__(self, path: Path, name: str) -> None:
@@ -30,22 +31,22 @@ class StoredArray:
         self._name = name
         with h5py.File(path, "r") as file:
             variable: Any = file[name]
-            self.shape: tuple[int, ...] = tuple(variable.shape)
-            self.dtype: np.dtype[Any] = np.dtype(variable.dtype)
+            super().__init__(variable.shape, variable.dtype)
 
-    def __getitem__(self, key: Any) -> np.ndarray:
-        if isinstance(key, int) and not -len(self) <= key < len(self):
-            raise IndexError(f"{self!r} has no index {key}.")
+    def read_rows(self, start: int, stop: int) -> np.ndarray:
+        """Read rows."""
         # h5py instead of h5netcdf, which inspects every variable of the file when it opens it.
         with reading(self._path, "netCDF-4 file"), h5py.File(self._path, "r") as file:
             variable: Any = file[self._name]
-            return np.asarray(variable[key])
-
-    def __len__(self) -> int:
-        return self.shape[0]
+            return np.asarray(variable[start:stop])
 
     def __repr__(self) -> str:
         return f"StoredArray({self._path.name}:{self._name}, shape={self.shape}, dtype={self.dtype})"
+
+
+def stored_array(path: Path, name: str) -> np.ndarray:
+    """Return a variable of a netCDF file, read when it is used."""
+    return as_array(StoredArray(path, name))
 
 
 def open_file(path: Path, kind: str) -> h5netcdf.File:

@@ -50,12 +50,12 @@ class Detections:
     frame_numbers: np.ndarray
     time_s: np.ndarray
     offsets: np.ndarray
-    keypoints_px: ArraySource
-    confidence: ArraySource
+    keypoints_px: np.ndarray
+    confidence: np.ndarray
     recorded: np.ndarray
-    track_ids: ArraySource
-    depth: ArraySource | None = None
-    sigma_px: ArraySource | None = None
+    track_ids: np.ndarray
+    depth: np.ndarray | None = None
+    sigma_px: np.ndarray | None = None
     rate_hz: float | None = None
     notes: tuple[str, ...] = ()
 
@@ -248,7 +248,7 @@ class Detections:
             **self.rows(np.arange(int(cells[0]), int(cells[-1]))),
         )
 
-    def rows(self, rows: np.ndarray) -> dict[str, ArraySource | None]:
+    def rows(self, rows: np.ndarray) -> dict[str, np.ndarray | None]:
         """Return selected rows of all per-detection arrays, by name; arrays in files stay in files.
 
         Args:

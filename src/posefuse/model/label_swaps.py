@@ -6,7 +6,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from posefuse.arrays import ArraySource, check_shape, same
+from posefuse.arrays import check_shape, same
 from posefuse.errors import ResultError
 
 
@@ -31,7 +31,7 @@ class Swaps:
     """
 
     chains: tuple[str, ...]
-    state: ArraySource
+    state: np.ndarray
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "chains", tuple(self.chains))

@@ -1,13 +1,12 @@
 """Selected rows of an array that may stay in its file."""
 
-from typing import Any
-
 import numpy as np
 
 from posefuse.arrays import ArraySource, in_memory
+from posefuse.lazy_array import LazyArray, as_array
 
 
-class ChosenRows:
+class ChosenRows(LazyArray):
     """Selected rows of an array in a file, read on access; each access reads one contiguous range.
 
     Args:
@@ -16,21 +15,16 @@ class ChosenRows:
     """
 
     def __init__(self, source: ArraySource, rows: np.ndarray) -> None:
-        self._source, self._rows = source, rows
-        self.shape = (len(rows), *source.shape[1:])
-        self.dtype = source.dtype
+        super().__init__((len(rows), *source.shape[1:]), source.dtype)
+        self._source, self._indices = source, rows
 
-    def __len__(self) -> int:
-        return len(self._rows)
-
-    def __getitem__(self, key: Any) -> np.ndarray:
-        selected = self._rows[key]
-        if np.size(selected) == 0:
-            return np.asarray(self._source[0:0])
-        low = int(np.min(selected))
-        return np.asarray(self._source[low : int(np.max(selected)) + 1])[selected - low]
+    def read_rows(self, start: int, stop: int) -> np.ndarray:
+        """Read rows."""
+        chosen = self._indices[start:stop]
+        low = int(chosen.min())
+        return np.asarray(self._source[low : int(chosen.max()) + 1])[chosen - low]
 
 
-def chosen_rows(source: ArraySource, rows: np.ndarray) -> ArraySource:
+def chosen_rows(source: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Return selected rows of an array: in memory if the array is, otherwise read on access."""
-    return np.asarray(source)[rows] if in_memory(source) else ChosenRows(source, rows)
+    return np.asarray(source)[rows] if in_memory(source) else as_array(ChosenRows(source, rows))

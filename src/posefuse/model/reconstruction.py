@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from posefuse.arrays import ArrayRange, ArraySource, check_shape, frozen, ranges, same
+from posefuse.arrays import ArrayRange, check_shape, frozen, ranges, same
 from posefuse.errors import ResultError, choices
 from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import CameraRig
@@ -45,13 +45,13 @@ class Layer:
         ResultError: if the shapes of the arrays disagree.
     """
 
-    points_m: ArraySource
-    covariance_m2: ArraySource
-    status: ArraySource
-    source: ArraySource
-    reprojection_error_px: ArraySource
-    view_status: ArraySource
-    view_error_px: ArraySource
+    points_m: np.ndarray
+    covariance_m2: np.ndarray
+    status: np.ndarray
+    source: np.ndarray
+    reprojection_error_px: np.ndarray
+    view_status: np.ndarray
+    view_error_px: np.ndarray
 
     def __post_init__(self) -> None:
         if len(self.points_m.shape) != 4:

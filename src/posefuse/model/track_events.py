@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from posefuse.arrays import ArraySource, check_shape, same
+from posefuse.arrays import check_shape, same
 from posefuse.errors import ResultError, choices
 
 EventKind = Literal[
@@ -96,13 +96,13 @@ class Poses:
     bones: tuple[str, ...]
     shape_names: tuple[str, ...]
     angles: tuple[str, ...]
-    turns: ArraySource
-    directions: ArraySource
-    angle_sd_deg: ArraySource
-    nis: ArraySource
-    nis_dof: ArraySource
-    shape_m: ArraySource
-    shape_sd_m: ArraySource
+    turns: np.ndarray
+    directions: np.ndarray
+    angle_sd_deg: np.ndarray
+    nis: np.ndarray
+    nis_dof: np.ndarray
+    shape_m: np.ndarray
+    shape_sd_m: np.ndarray
 
     def __post_init__(self) -> None:
         for name in ("segments", "bones", "shape_names", "angles"):

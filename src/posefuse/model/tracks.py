@@ -6,7 +6,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from posefuse.arrays import ArraySource, check_shape, same
+from posefuse.arrays import check_shape, same
 from posefuse.errors import ResultError
 from posefuse.kernels import status_codes
 from posefuse.model.detections import Detections
@@ -36,8 +36,8 @@ class Tracks:
     """
 
     person_ids: tuple[str, ...]
-    detection: ArraySource
-    state: ArraySource
+    detection: np.ndarray
+    state: np.ndarray
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "person_ids", tuple(self.person_ids))

@@ -7,11 +7,12 @@ to a factor.
 """
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from posefuse.arrays import ArraySource, in_memory, ranges
+from posefuse.lazy_array import LazyArray
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
 
@@ -89,20 +90,20 @@ def _median(sigma_px: ArraySource) -> float | None:
     return float(np.median(known)) if len(known) else None
 
 
-class _Weights:
+class _Weights(LazyArray):
     """The weights of rows, computed when they are read."""
 
     def __init__(self, detections: Detections, reference_px: float, median_px: float, min_confidence: float) -> None:
         assert detections.sigma_px is not None
+        super().__init__(detections.confidence.shape, np.float64)
         self._confidence, self._sigma_px = detections.confidence, detections.sigma_px
         self._reference_px, self._median_px = reference_px, median_px
         self._min_confidence, self._min_weight = min_confidence, max(min_confidence, _MIN_CONFIDENCE)
-        self.shape = tuple(detections.confidence.shape)
-        self.dtype = np.dtype(np.float64)
 
-    def __getitem__(self, key: Any) -> np.ndarray:
-        sigma = np.asarray(self._sigma_px[key])
+    def read_rows(self, start: int, stop: int) -> np.ndarray:
+        """Compute the weights of rows."""
+        sigma = np.asarray(self._sigma_px[start:stop])
         # A detection of unknown standard deviation gets the median.
         weights = self._reference_px / np.where(np.isfinite(sigma), sigma, self._median_px)
-        confidence = np.asarray(self._confidence[key])
+        confidence = np.asarray(self._confidence[start:stop])
         return np.where(confidence < self._min_confidence, 0.0, np.maximum(weights, self._min_weight))

@@ -9,8 +9,8 @@ import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.io.files import reading
-from posefuse.io.keypoints.lazy_columns import RowsByRange
 from posefuse.io.parquet_files import check_row_groups
+from posefuse.lazy_array import LazyArray
 
 
 @dataclass(frozen=True)
@@ -195,14 +195,14 @@ def _cameras(file: Path, table: Any, name: str, views: list[str], columns: dict[
     return np.array([views.index(value) for value in names], dtype=np.int64)
 
 
-class _PersonRows(RowsByRange):
+class _PersonRows(LazyArray):
     """A column of lists, as an array with one row per person."""
 
     def __init__(self, index: Index, column: str | None, shape: tuple[int, ...], dtype: type = np.float64) -> None:
         super().__init__((len(index.place_of), *shape), dtype)
         self._index, self._column = index, column
 
-    def rows(self, start: int, stop: int) -> np.ndarray:
+    def read_rows(self, start: int, stop: int) -> np.ndarray:
         """Read the rows from the tables that contain them."""
         index = self._index
         files, places = index.file_of[start:stop], index.place_of[start:stop]

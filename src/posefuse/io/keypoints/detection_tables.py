@@ -33,6 +33,7 @@ from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.infer_skeleton import infer_skeleton, no_skeleton, wrong_skeleton
 from posefuse.io.keypoints.parquet_metadata import RecordingMetadata, column_names, metadata_of, read_metadata
 from posefuse.io.keypoints.request import Request, apply_request
+from posefuse.lazy_array import as_array
 from posefuse.model.detections import Detections, frame_times
 from posefuse.skeleton.skeletons import Skeleton
 
@@ -143,8 +144,10 @@ def _detections(
     skeleton, notes = _skeleton(path, index, columns, request, recording)
     index = replace(index, n_keypoints=len(skeleton))
 
-    def numbers_of(kind: str) -> NumberRows | None:
-        return NumberRows(index, columns[kind]) if kind in columns else None
+    def numbers_of(kind: str) -> np.ndarray | None:
+        return as_array(NumberRows(index, columns[kind])) if kind in columns else None
+
+    confidence = numbers_of("scores")
 
     return Detections(
         skeleton=skeleton,
@@ -152,10 +155,10 @@ def _detections(
         frame_numbers=numbers,
         time_s=times,
         offsets=np.concatenate([[0], np.cumsum(people)]),
-        keypoints_px=NumberRows(index, columns["kps"], (0, 1), zero_is_missing=recording is None),
-        confidence=numbers_of("scores") or NumberRows(index, columns["kps"], (2,)),
+        keypoints_px=as_array(NumberRows(index, columns["kps"], (0, 1), zero_is_missing=recording is None)),
+        confidence=as_array(NumberRows(index, columns["kps"], (2,))) if confidence is None else confidence,
         recorded=recorded,
-        track_ids=TrackRows(index, columns.get("track")),
+        track_ids=as_array(TrackRows(index, columns.get("track"))),
         depth=numbers_of("depth"),
         sigma_px=numbers_of("sigma"),
         rate_hz=rate,

@@ -16,7 +16,7 @@ from posefuse.errors import DetectionsError, FileError
 from posefuse.io.files import reading
 from posefuse.io.keypoints.columns import common_frames, rate_of_frames
 from posefuse.io.keypoints.infer_skeleton import infer_skeleton, no_skeleton, wrong_skeleton
-from posefuse.io.keypoints.lazy_columns import RowsByRange
+from posefuse.lazy_array import LazyArray, as_array
 from posefuse.model.detections import Detections, frame_times
 from posefuse.skeleton.skeletons import Skeleton
 
@@ -195,16 +195,16 @@ class RecordReader:
                 yield cell, by_camera[name]
 
 
-class NumberRows(RowsByRange):
+class NumberRows(LazyArray):
     """Selected channels of the numbers of people."""
 
     def __init__(self, numbers: RecordReader, channels: Sequence[int]) -> None:
         index = numbers.index
         depth = (len(channels),) if len(channels) > 1 else ()
-        super().__init__((int(index.ends[-1]), index.n_keypoints, *depth))
+        super().__init__((int(index.ends[-1]), index.n_keypoints, *depth), np.float64)
         self._numbers, self._channels = numbers, list(channels)
 
-    def rows(self, start: int, stop: int) -> np.ndarray:
+    def read_rows(self, start: int, stop: int) -> np.ndarray:
         """Return a copy of the rows, because the cache is shared between columns."""
         values = self._numbers.rows(start, stop)[..., self._channels]
         return values.reshape(stop - start, *self.shape[1:])
@@ -268,7 +268,7 @@ def detections_of_records(path: Path, index: Index, decode: Decode, n_channels: 
     recorded[cells], people[cells] = True, np.diff(index.ends)
     times = _times(index, numbers, recorded, info.rate_hz)
     reader = RecordReader(index, decode, n_channels)
-    rows = {channel: NumberRows(reader, channel) for channel in info.channels}
+    rows = {channel: as_array(NumberRows(reader, channel)) for channel in info.channels}
     return Detections(
         skeleton=skeleton,
         view_names=index.names,

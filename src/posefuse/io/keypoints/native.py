@@ -10,12 +10,12 @@ from posefuse.io.files import reading, replacing
 from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.request import Request, apply_request
 from posefuse.io.netcdf import (
-    StoredArray,
     add_variable,
     number_of,
     open_file,
     skeleton_from_text,
     skeleton_text,
+    stored_array,
     strings,
     text_of,
 )
@@ -50,12 +50,12 @@ def read(path: Path, request: Request) -> Detections:
             frame_numbers=np.asarray(file.variables["frame_number"][...]),
             time_s=np.asarray(file.variables["time_s"][...]),
             offsets=np.asarray(file.variables["offsets"][...]),
-            keypoints_px=StoredArray(path, "keypoints_px"),
-            confidence=StoredArray(path, "confidence"),
+            keypoints_px=stored_array(path, "keypoints_px"),
+            confidence=stored_array(path, "confidence"),
             recorded=np.asarray(file.variables["recorded"][...]).astype(bool),
-            track_ids=StoredArray(path, "track_id"),
-            depth=StoredArray(path, "depth") if "depth" in file.variables else None,
-            sigma_px=StoredArray(path, "sigma_px") if "sigma_px" in file.variables else None,
+            track_ids=stored_array(path, "track_id"),
+            depth=stored_array(path, "depth") if "depth" in file.variables else None,
+            sigma_px=stored_array(path, "sigma_px") if "sigma_px" in file.variables else None,
             rate_hz=rate,
             notes=strings(file.variables["note"]) if "note" in file.variables else (),
         )

@@ -11,11 +11,11 @@ from posefuse.arrays import ranges
 from posefuse.errors import FileError
 from posefuse.io.files import reading
 from posefuse.io.keypoints.columns import common_frames
-from posefuse.io.keypoints.lazy_columns import RowsByRange
 from posefuse.io.keypoints.parquet_metadata import RecordingMetadata, column_names, metadata_of, read_metadata
 from posefuse.io.keypoints.request import Request, apply_request
 from posefuse.io.keypoints.tidy_columns import detections_of_table, table_of
 from posefuse.io.parquet_files import check_parquet, check_row_groups
+from posefuse.lazy_array import LazyArray, as_array
 from posefuse.model.detections import Detections
 
 _GROUP_LINES = 200_000
@@ -136,8 +136,10 @@ def _stored(path: Path, recording: RecordingMetadata, index: _Index) -> Detectio
     recorded[cells], times[cells], people[cells] = True, index.time_s, index.people
     columns = column_names(path)
 
-    def stored(*names: str) -> "_StoredColumns | None":
-        return _StoredColumns(path, names, index.group_ends, len(recording.skeleton)) if names[0] in columns else None
+    def stored(*names: str) -> np.ndarray | None:
+        if names[0] not in columns:
+            return None
+        return as_array(_StoredColumns(path, names, index.group_ends, len(recording.skeleton)))
 
     pixels, confidence = stored("x_px", "y_px"), stored("confidence")
     assert pixels is not None
@@ -151,7 +153,7 @@ def _stored(path: Path, recording: RecordingMetadata, index: _Index) -> Detectio
         keypoints_px=pixels,
         confidence=confidence,
         recorded=recorded,
-        track_ids=_StoredTracks(path, index.group_ends, len(recording.skeleton)),
+        track_ids=as_array(_StoredTracks(path, index.group_ends, len(recording.skeleton))),
         depth=stored("depth"),
         sigma_px=stored("sigma_px"),
         rate_hz=recording.rate_hz,
@@ -159,14 +161,14 @@ def _stored(path: Path, recording: RecordingMetadata, index: _Index) -> Detectio
     )
 
 
-class _StoredColumns(RowsByRange):
+class _StoredColumns(LazyArray):
     """Columns of the file, which is open only during a read."""
 
     def __init__(self, path: Path, names: tuple[str, ...], group_ends: np.ndarray, n_keypoints: int) -> None:
-        super().__init__((int(group_ends[-1]), n_keypoints, *((len(names),) if len(names) > 1 else ())))
+        super().__init__((int(group_ends[-1]), n_keypoints, *((len(names),) if len(names) > 1 else ())), np.float64)
         self._path, self._names, self._ends = path, names, group_ends
 
-    def rows(self, start: int, stop: int) -> np.ndarray:
+    def read_rows(self, start: int, stop: int) -> np.ndarray:
         """Read the rows from the row groups that contain them."""
         return np.concatenate(list(self._parts(start, stop)))
 

@@ -20,16 +20,15 @@ from typing import Any
 import h5netcdf
 import numpy as np
 
-from posefuse.arrays import ArraySource
 from posefuse.errors import FileError
 from posefuse.io.files import must_exist, reading, replacing
 from posefuse.io.netcdf import (
-    StoredArray,
     add_variable,
     number_of,
     open_file,
     skeleton_from_text,
     skeleton_text,
+    stored_array,
     strings,
     text_of,
 )
@@ -131,14 +130,14 @@ def _read(path: Path) -> Reconstruction:
         head["events"] = _read_events(file)
         poses = _read_poses(file, path)
     layers = {
-        layer: Layer(**{f.name: StoredArray(path, f"{layer}_{_LAYER_VARIABLES[f.name][0]}") for f in fields(Layer)})
+        layer: Layer(**{f.name: stored_array(path, f"{layer}_{_LAYER_VARIABLES[f.name][0]}") for f in fields(Layer)})
         for layer in LAYERS
         if f"{layer}_position" in stored
     }
     tracks = None
     if "track_state" in stored:
-        tracks = Tracks(person_ids, StoredArray(path, "track_detection"), StoredArray(path, "track_state"))
-    swaps = Swaps(chains, StoredArray(path, "chain_swapped")) if chains else None
+        tracks = Tracks(person_ids, stored_array(path, "track_detection"), stored_array(path, "track_state"))
+    swaps = Swaps(chains, stored_array(path, "chain_swapped")) if chains else None
     return Reconstruction(layers=layers, tracks=tracks, swaps=swaps, poses=poses, **head)
 
 
@@ -283,15 +282,15 @@ def _read_poses(file: h5netcdf.File, path: Path) -> Poses | None:
         return None
     segments, bones, lengths = (strings(file.variables[f"pose_{axis}"]) for axis in ("segment", "bone", "length"))
     shape_m, shape_sd_m = (np.asarray(file.variables[name][...]) for name in ("pose_shape", "pose_shape_sd"))
-    turns, directions = StoredArray(path, "pose_turn"), StoredArray(path, "pose_direction")
+    turns, directions = stored_array(path, "pose_turn"), stored_array(path, "pose_direction")
     angles: tuple[str, ...] = ()
-    sds: ArraySource = np.empty((*turns.shape[:2], 0))
-    nis: ArraySource = np.full(turns.shape[:2], np.nan)
-    dof: ArraySource = np.zeros(turns.shape[:2], dtype=np.int32)
+    sds = np.empty((*turns.shape[:2], 0))
+    nis = np.full(turns.shape[:2], np.nan)
+    dof = np.zeros(turns.shape[:2], dtype=np.int32)
     if "pose_angle_sd" in file.variables:
-        angles, sds = strings(file.variables["pose_angle"]), StoredArray(path, "pose_angle_sd")
+        angles, sds = strings(file.variables["pose_angle"]), stored_array(path, "pose_angle_sd")
     if "pose_nis" in file.variables:
-        nis, dof = StoredArray(path, "pose_nis"), StoredArray(path, "pose_nis_dof")
+        nis, dof = stored_array(path, "pose_nis"), stored_array(path, "pose_nis_dof")
     return Poses(segments, bones, lengths, angles, turns, directions, sds, nis, dof, shape_m, shape_sd_m)
 
 
