@@ -13,6 +13,10 @@ from posefuse.model.options.options import Pick
 from posefuse.model.tracks import Tracks, TrackState
 
 PERSON = "person_1"
+_LARGEST = (
+    "--pick largest takes the largest person of each view and frame by itself; in another view that may be another "
+    "person. --exclude-camera, or keypoints with track ids and --pick track-id, are safer."
+)
 
 
 @dataclass(frozen=True)
@@ -23,19 +27,29 @@ class SingleSubject:
         detections: Detections of the recording.
         pick: Which person to select where a view shows several.
         ids: shape (view,): from :func:`longest_track_ids`.
+        assigned: shape (frame, view), int32: the subject's detection, -1 without one, if people were tracked to find
+            the subject; ``pick`` and ``ids`` are not used then.
+        note: how the subject was chosen, if that needs attention.
     """
 
     detections: Detections
     pick: Pick | None
     ids: np.ndarray
+    assigned: np.ndarray | None = None
+    note: str = ""
 
     @classmethod
     def of(cls, detections: Detections, pick: Pick | None) -> Self:
         """Return the subject of a recording."""
-        return cls(detections, pick, longest_track_ids(detections))
+        several = bool((detections.people_counts > 1).any())
+        return cls(
+            detections, pick, longest_track_ids(detections), note=_LARGEST if several and pick == "largest" else ""
+        )
 
     def tracks(self, start: int, stop: int) -> Tracks:
         """Return the subject's detections in a range of frames."""
+        if self.assigned is not None:
+            return _tracks(self.assigned[start:stop])
         return select_subject(self.detections.frames(start, stop), self.pick, self.ids)
 
 
@@ -79,15 +93,47 @@ def select_subject(detections: Detections, pick: Pick | None, subject_ids: np.nd
         ways = "--pick largest or --pick track-id" if (subject_ids >= 0).any() else "--pick largest"
         raise DetectionsError(
             f"View {detections.view_names[v]!r} shows {counts[f, v]} people in frame {detections.frame_numbers[f]} "
-            f"(and {len(crowded)} view-frames of this range show several), but people = 'one'. Say which is the "
-            f"subject with {ways}, or remove the others."
+            f"(and {len(crowded)} view-frames of this range show several). Choose the subject with {ways}, or remove "
+            "the others."
         )
     else:
         for f, v in crowded:
             start, stop = detections.offsets[f * detections.n_views + v :][:2]
             chosen[f, v] = np.argmax(_areas(np.asarray(detections.keypoints_px[start:stop])))
-    state = np.full((detections.n_frames, 1), TrackState.ACTIVE, dtype=np.int8)
-    return Tracks((PERSON,), chosen[:, None, :], state)
+    return _tracks(chosen)
+
+
+def _tracks(chosen: np.ndarray) -> Tracks:
+    """Return the tracks of one person who is always active."""
+    return Tracks((PERSON,), chosen[:, None, :], np.full((len(chosen), 1), TrackState.ACTIVE, dtype=np.int8))
+
+
+def longest_subject(detections: Detections, tracks: Tracks) -> SingleSubject:
+    """Return the tracked person whom the cameras see longest: the one with the most detections in all views.
+
+    Args:
+        detections: Detections of the recording.
+        tracks: Everyone's tracks in all frames.
+
+    Raises:
+        DetectionsError: If no person was tracked.
+    """
+    detection = np.asarray(tracks.detection)
+    if not detection.shape[1]:
+        raise DetectionsError(
+            "Views show several people, but no person was tracked, so that the subject is unknown. Use --pick largest "
+            "or --pick track-id."
+        )
+    counts = (detection >= 0).sum(axis=(0, 2))
+    best = int(np.argmax(counts))
+    share = (detection[:, best] >= 0).mean()
+    note = (
+        f"people = 'one': the subject is the person whom the cameras see longest ({share:.0%} of all frames of all "
+        f"views), out of {len(counts)} tracked people. --pick chooses another way."
+    )
+    return SingleSubject(
+        detections, None, longest_track_ids(detections), assigned=detection[:, best].astype(np.int32), note=note
+    )
 
 
 def _by_track_id(detections: Detections, subject_ids: np.ndarray) -> np.ndarray:
@@ -117,18 +163,3 @@ def _areas(keypoints_px: np.ndarray) -> np.ndarray:
     low = np.where(seen, keypoints_px, np.inf).min(axis=1)
     sides = np.maximum(high - low, 0.0)
     return sides[:, 0] * sides[:, 1]
-
-
-def remarks(several_people: bool, pick: Pick | None) -> tuple[str, ...]:
-    """Return a note on ``pick = "largest"``, which may select different people in different views.
-
-    Args:
-        several_people: whether a view shows several people.
-        pick: which of several people is the subject.
-    """
-    if pick != "largest" or not several_people:
-        return ()
-    return (
-        "--pick largest takes the largest person of each view and frame by itself; in another view that may be another "
-        "person. --exclude-camera, or keypoints with track ids and --pick track-id, are safer.",
-    )

@@ -210,11 +210,17 @@ class Reconstruction:
     def best_layer(self, name: LayerName | None = None) -> tuple[LayerName, Layer]:
         """Return the named layer, or the most processed one present, with its name.
 
+        The model is not the default where it covers less than half of the keypoints that have an edge.
+
         Raises:
             ResultError: if the named layer does not exist.
         """
         if name is None:
-            name = next(layer for layer in reversed(LAYERS) if layer in self.layers)
+            present = [layer for layer in LAYERS if layer in self.layers]
+            with_edge = len(set(self.skeleton.edge_indices.ravel().tolist()))
+            if len(present) > 1 and 2 * len(self.skeleton.unmodeled) > with_edge and present[-1] == "model":
+                present.pop()
+            name = present[-1]
         if name not in self.layers:
             raise ResultError(f"This result has no layer {name!r}; it has {choices(self.layers)}.")
         return name, self.layers[name]

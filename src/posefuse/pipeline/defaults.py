@@ -98,12 +98,12 @@ def resolve_chunk_frames(options: Options, facts: RecordingFacts) -> Options:
 def resolve_people(options: Options, facts: RecordingFacts, n_cameras: int) -> Options:
     """Resolve ``people = "auto"``: many, if a view ever shows several people.
 
-    One camera cannot locate people, and without a kinematic tree people cannot be tracked.
+    One camera cannot locate people.
     """
     if options.people != "auto":
         return options
-    trackable = n_cameras > 1 and facts.skeleton.tree is not None
-    return replace(options, people="many" if facts.several_people and trackable and options.pick is None else "one")
+    several = facts.several_people and n_cameras > 1 and options.pick is None
+    return replace(options, people="many" if several else "one")
 
 
 def resolve_method(options: Options, facts: RecordingFacts, n_cameras: int) -> tuple[Options, tuple[str, ...]]:

@@ -11,7 +11,6 @@ from posefuse.alignment.apply import combine_with_scale, identity_alignment, sca
 from posefuse.alignment.size import scale_factor
 from posefuse.alignment.world_axes import find_alignment
 from posefuse.arrays import ranges
-from posefuse.association import one_subject
 from posefuse.association.one_subject import SingleSubject
 from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
 from posefuse.diagnostics.sample_findings import sample_findings
@@ -30,6 +29,7 @@ from posefuse.pipeline.defaults import RecordingFacts, cut_time, resolve_method,
 from posefuse.pipeline.diagnose import check_recording
 from posefuse.pipeline.measured_layer import measure, partial_note, reconstruct_chunks
 from posefuse.pipeline.people.find_subjects import FindSubjects, find_subjects, frames_tracked
+from posefuse.pipeline.people.trackers import unmodeled_note
 from posefuse.pipeline.plan import Plan
 from posefuse.pipeline.solved_layer import LayerSolver, Postprocess, Step
 from posefuse.postprocess.bones import median_bones
@@ -146,8 +146,10 @@ def examine(
         detections, partial_notes = detections.between(0, n_tracked), (partial_note(n_tracked, facts.n_frames),)
     if shifted is not None:
         detections = time_offsets.interpolate_to_frame_times(shifted.with_detections(detections), subjects)
-    if options.people == "one":
-        notes = (*notes, *one_subject.remarks(facts.several_people, options.pick))
+    if isinstance(subjects, SingleSubject) and subjects.note:
+        notes = (*notes, subjects.note)
+    if bodies is not None:
+        notes = (*notes, *unmodeled_note(bodies.skeleton))
     # Noise.
     samples = take_samples(detections, subjects) if len(rig) > 1 else None
     noise = estimate_noise(rig, samples, options, progress)

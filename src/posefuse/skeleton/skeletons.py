@@ -164,6 +164,22 @@ class Skeleton(PickledByFields):
         return frozen(partner, np.int64)
 
     @cached_property
+    def modeled(self) -> np.ndarray:
+        """Whether the kinematic tree or a part has a node for each keypoint, shape (keypoint,), bool."""
+        modeled = np.zeros(len(self), dtype=bool)
+        if self.tree is not None:
+            modeled |= self.tree.keypoint_nodes >= 0
+        for part in self.parts:
+            modeled[part.keypoints] = True
+        return modeled
+
+    @cached_property
+    def unmodeled(self) -> tuple[str, ...]:
+        """Names of the keypoints that have an edge, but no node in the kinematic tree and the parts."""
+        ends = set(self.edge_indices.ravel().tolist())
+        return tuple(self.keypoints[k] for k in np.flatnonzero(~self.modeled).tolist() if k in ends)
+
+    @cached_property
     def body_names(self) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
         """Names of segments, bones and lengths, of the tree and then of the parts."""
         trees = [tree for tree in (self.tree, *(part.tree for part in self.parts)) if tree is not None]

@@ -18,9 +18,13 @@ _SPREAD = 0.2
 _MEDIAN_OF_NOISE = 2.0 * np.log(2.0) / 3.0
 """Median of the squared noise across a bone, which has two of three axes, relative to the trace of its covariance."""
 _SIGMA_OF_MAD = 1.4826
+_MAX_NOISE_RATIO = 4.0
+"""Variance of a constant distance relative to that of its noise, at most."""
 
 
-def measured_tree(skeleton: Skeleton, points_m: np.ndarray, covariance_m2: np.ndarray) -> Tree:
+def measured_tree(
+    skeleton: Skeleton, points_m: np.ndarray, covariance_m2: np.ndarray, max_variation: float = np.inf
+) -> Tree:
     """Measure the tree of bones from bodies triangulated one keypoint at a time.
 
     Bones are the skeleton's edges and, where these are missing or leave keypoints out, the minimum spanning tree of the
@@ -31,16 +35,20 @@ def measured_tree(skeleton: Skeleton, points_m: np.ndarray, covariance_m2: np.nd
         skeleton: Skeleton of the keypoints.
         points_m: shape (body, keypoint, 3), NaN where missing; bodies of any individuals and frames.
         covariance_m2: shape (body, keypoint, 6).
+        max_variation: A distance that varies by more than this share of its length, and by more than its noise, is no
+            bone unless it is an edge.
 
     Raises:
         SkeletonError: If too few bodies show a distance.
     """
-    lengths, variation = _distances(points_m, covariance_m2)
+    lengths, variation, noise = _distances(points_m, covariance_m2)
     edges = skeleton.edge_indices
     weight = variation + _LENGTH_PENALTY * lengths
     weight[edges[:, 0], edges[:, 1]] *= _EDGE_FACTOR
     weight[edges[:, 1], edges[:, 0]] *= _EDGE_FACTOR
-    weight[~np.isfinite(weight)] = 0.0
+    elastic = variation**2 > (max_variation * lengths) ** 2 + _MAX_NOISE_RATIO * noise
+    elastic[edges[:, 0], edges[:, 1]] = elastic[edges[:, 1], edges[:, 0]] = False
+    weight[elastic | ~np.isfinite(weight)] = 0.0
     bones = _of_largest_part(minimum_spanning_tree(weight).toarray() > 0.0)
     if not len(bones):
         raise SkeletonError(
@@ -55,11 +63,14 @@ def measured_tree(skeleton: Skeleton, points_m: np.ndarray, covariance_m2: np.nd
     )
 
 
-def _distances(points: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return distances between keypoints and their variation, shape (keypoint, keypoint), NaN where unknown."""
+def _distances(points: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return distances between keypoints, their variation and the variance of their noise, NaN where unknown.
+
+    Each has the shape (keypoint, keypoint).
+    """
     n = points.shape[1]
     noise = covariance[..., (0, 3, 5)].sum(axis=-1)
-    lengths, variation = np.full((n, n), np.nan), np.full((n, n), np.nan)
+    lengths, variation, along = (np.full((n, n), np.nan) for _ in range(3))
     for a in range(n):
         for b in range(a + 1, n):
             squared, doubt = ((points[:, a] - points[:, b]) ** 2).sum(axis=-1), noise[:, a] + noise[:, b]
@@ -73,7 +84,8 @@ def _distances(points: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, 
             lengths[a, b] = lengths[b, a] = length if length > 0.0 else float(np.median(apart))
             spread = _SIGMA_OF_MAD * np.median(np.abs(apart - np.median(apart)))
             variation[a, b] = variation[b, a] = spread
-    return lengths, variation
+            along[a, b] = along[b, a] = np.median(doubt[seen]) / 3.0
+    return lengths, variation, along
 
 
 def _of_largest_part(joined: np.ndarray) -> np.ndarray:

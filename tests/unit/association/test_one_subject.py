@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from posefuse.association import one_subject
-from posefuse.association.one_subject import longest_track_ids, select_subject
+from posefuse.association.one_subject import SingleSubject, longest_subject, longest_track_ids, select_subject
 from posefuse.errors import DetectionsError
 from posefuse.model.detections import Detections
+from posefuse.model.tracks import Tracks, TrackState
 from tests.scenes import skeleton_of
 
 
@@ -43,9 +43,24 @@ def test_several_people_need_one():
         chosen(crowd([[[5], [5]], [[5], [5, 6]]], [1, 1, 1, 1, 2]), None)
 
 
-def test_choosing_by_size_is_remarked_on():
-    assert one_subject.remarks(False, "largest") == one_subject.remarks(True, "track-id") == ()
-    assert "may be another person" in one_subject.remarks(True, "largest")[0]
+def test_choice_by_size_has_a_note_if_a_view_shows_several_people():
+    alone, several = crowd([[[5], []]]), crowd([[[5], [5, 6]]], [1, 1, 2])
+    assert SingleSubject.of(alone, "largest").note == SingleSubject.of(several, "track-id").note == ""
+    assert "may be another person" in SingleSubject.of(several, "largest").note
+
+
+def test_longest_subject_has_the_most_detections_in_all_views():
+    detections = crowd([[[1, 1], [1]], [[1, 1], [1, 1]], [[1], []]])
+    # Person a: frames 0 and 1 in one view; person b: five detections.
+    rows = np.array([[[0, -1], [1, 0]], [[0, -1], [1, 1]], [[-1, -1], [0, -1]]], dtype=np.int32)
+    tracks = Tracks(("a", "b"), rows, np.full((3, 2), TrackState.ACTIVE, dtype=np.int8))
+    subject = longest_subject(detections, tracks)
+    assert subject.tracks(0, 3).person_ids == ("person_1",)
+    assert subject.tracks(0, 3).detection[:, 0].tolist() == rows[:, 1].tolist()
+    assert subject.tracks(1, 2).detection[:, 0].tolist() == [[1, 1]]
+    assert "whom the cameras see longest (83% of" in subject.note
+    with pytest.raises(DetectionsError, match="no person was tracked.*--pick largest"):
+        longest_subject(detections, Tracks((), rows[:, :0], np.zeros((3, 0), dtype=np.int8)))
 
 
 def test_the_largest():

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from posefuse.association.one_subject import SingleSubject
+from posefuse.association.one_subject import SingleSubject, longest_subject
 from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
 from posefuse.errors import DetectionsError, OptionsError
 from posefuse.model.cameras import CameraRig
@@ -42,7 +42,7 @@ def find_subjects(
         people = track_people(rig, detections, options, progress, checkpoint)
         people = people.only(options.person) if options.person else people
         return people, None if options.bodies == "none" else people
-    subject = SingleSubject.of(detections, options.pick)
+    subject = _find_subject(rig, detections, options, progress, checkpoint)
     if options.bodies != "fit":
         return subject, None
     if len(rig) == 1:
@@ -54,6 +54,19 @@ def find_subjects(
             "measured points first (bodies = 'auto')."
         )
     return subject, tracked
+
+
+def _find_subject(
+    rig: CameraRig, detections: Detections, options: Options, progress: Progress, checkpoint: Checkpoint
+) -> SingleSubject:
+    """Return the single subject: if views show several people and ``pick`` is not given, the one seen longest."""
+    several = bool((detections.people_counts > 1).any())
+    if not several or options.pick is not None or len(rig) == 1:
+        return SingleSubject.of(detections, options.pick)
+    people = track_people(rig, detections, options, progress, checkpoint.child("everyone"))
+    if people.n_frames < detections.n_frames:
+        raise KeyboardInterrupt
+    return longest_subject(detections, people.recording_tracks)
 
 
 def frames_tracked(subjects: Subjects) -> int | None:

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from posefuse.errors import PosefuseWarning
+from posefuse.errors import PosefuseWarning, SkeletonError
 from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
 from posefuse.model.noise import NoiseModel
@@ -20,6 +20,9 @@ from posefuse.tracking.known_lengths import with_known_lengths
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.tracker import ArticulatedTracker
 from posefuse.tracking.unknown_bodies import measured_tree
+
+_MAX_VARIATION = 0.03
+"""Largest relative variation of a distance that may connect parts of a body that no edge connects."""
 
 
 def unused_options(options: Options, skeleton: Skeleton) -> tuple[str, ...]:
@@ -74,6 +77,9 @@ def with_tree(
 ) -> Skeleton:
     """Return the skeleton with a kinematic tree; if it has none, measure one from a sample of frames.
 
+    A tree that was built from edges alone covers one connected component of them. If there are several, the bones that
+    connect them are measured too.
+
     Args:
         rig: calibrated cameras.
         frames: sample of frames.
@@ -84,9 +90,29 @@ def with_tree(
     Raises:
         SkeletonError: if the sample shows no bones.
     """
-    if skeleton.tree is not None:
+    tree = skeleton.tree
+    disconnected = tree is not None and not tree.segments and bool(skeleton.unmodeled)
+    if tree is not None and not disconnected:
         return skeleton
     found = [propose_from_all(rig, frame, noise, skeleton, options) for frame in frames]
     points = np.concatenate([each.points_m for each in found])
     covariance = np.concatenate([each.covariance_m2 for each in found])
-    return replace(skeleton, tree=measured_tree(skeleton, points, covariance))
+    max_variation = np.inf if tree is None else _MAX_VARIATION
+    try:
+        return replace(skeleton, tree=measured_tree(skeleton, points, covariance, max_variation))
+    except SkeletonError:
+        if tree is None:
+            raise
+        return skeleton
+
+
+def unmodeled_note(skeleton: Skeleton) -> tuple[str, ...]:
+    """Return a note on the keypoints that the body model lacks although they have an edge."""
+    missing = skeleton.unmodeled
+    if not missing:
+        return ()
+    names = ", ".join(missing[:6]) + (", ..." if len(missing) > 6 else "")
+    return (
+        f"The body model has no node for {len(missing)} of {len(skeleton)} keypoints ({names}): no edge connects them "
+        "to it. The layer measured holds them.",
+    )
