@@ -13,6 +13,10 @@ from posefuse.model.options.options import Pick
 from posefuse.model.tracks import Tracks, TrackState
 
 PERSON = "person_1"
+NO_PERSON = (
+    "No person was tracked: the views share too few detections, or the cameras do not agree. posefuse inspect "
+    "RECORDING --deep shows why."
+)
 _LARGEST = (
     "--pick largest takes the largest person of each view and frame by itself; in another view that may be another "
     "person. --exclude-camera, or keypoints with track ids and --pick track-id, are safer."
@@ -106,6 +110,14 @@ def select_subject(detections: Detections, pick: Pick | None, subject_ids: np.nd
 def _tracks(chosen: np.ndarray) -> Tracks:
     """Return the tracks of one person who is always active."""
     return Tracks((PERSON,), chosen[:, None, :], np.full((len(chosen), 1), TrackState.ACTIVE, dtype=np.int8))
+
+
+def lone_detections(detections: Detections) -> SingleSubject:
+    """Return a subject whose detections are those that are alone in their view and frame."""
+    ids = np.full(detections.n_views, -1)
+    return SingleSubject(
+        detections, None, ids, assigned=np.where(detections.people_counts == 1, 0, -1).astype(np.int32)
+    )
 
 
 def longest_subject(detections: Detections, tracks: Tracks) -> SingleSubject:

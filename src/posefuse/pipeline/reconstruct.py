@@ -1,5 +1,6 @@
 """The recipe of a reconstruction: from a rig and detections to a plan and its result."""
 
+import warnings
 from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
@@ -11,10 +12,10 @@ from posefuse.alignment.apply import combine_with_scale, identity_alignment, sca
 from posefuse.alignment.size import scale_factor
 from posefuse.alignment.world_axes import find_alignment
 from posefuse.arrays import ranges
-from posefuse.association.one_subject import SingleSubject
+from posefuse.association.one_subject import NO_PERSON, SingleSubject, lone_detections
 from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
 from posefuse.diagnostics.sample_findings import sample_findings
-from posefuse.errors import DetectionsError, OptionsError
+from posefuse.errors import DetectionsError, OptionsError, PosefuseWarning
 from posefuse.model.cameras import CameraRig
 from posefuse.model.concatenate import concatenate_ranges
 from posefuse.model.detections import CHUNK_FRAMES, Detections
@@ -150,8 +151,13 @@ def examine(
         notes = (*notes, subjects.note)
     if bodies is not None:
         notes = (*notes, *unmodeled_note(bodies.skeleton))
-    # Noise.
-    samples = take_samples(detections, subjects) if len(rig) > 1 else None
+    # Noise. Without people, detections that are alone in their views still show what is wrong.
+    found = bool(subjects.tracks(0, 0).person_ids)
+    if not found:
+        notes = (*notes, NO_PERSON)
+        warnings.warn(NO_PERSON, PosefuseWarning, stacklevel=4)
+    sampled = subjects if found else lone_detections(detections)
+    samples = take_samples(detections, sampled) if len(rig) > 1 else None
     noise = estimate_noise(rig, samples, options, progress)
     provenance = Provenance(
         versions={"posefuse": version("posefuse"), "numpy": np.__version__, "python": python_version()},
