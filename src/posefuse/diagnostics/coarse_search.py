@@ -18,6 +18,7 @@ from posefuse.diagnostics.normalized_views import normalize_views
 from posefuse.diagnostics.observations import TrackedObservations
 from posefuse.diagnostics.recording_model import ImageTransform, RecordingModel
 from posefuse.diagnostics.start_offsets import estimate_start_offsets, nan_to_inf
+from posefuse.diagnostics.work_budget import WorkBudget
 
 _NOISE_SCALES = (0.7, 1.0, 1.4, 2.0, 2.8)
 _CLEARLY_AGREES = 0.26
@@ -75,6 +76,7 @@ class CoarseResult:
         initial_table: shape (view, view): disagreement before any correction.
         noise_scale: noise as a multiple of the expected noise.
         views_agree: whether enough views finally agree to measure the others against them.
+        skipped: what the search did not examine because it would take too long.
     """
 
     model: RecordingModel
@@ -83,22 +85,27 @@ class CoarseResult:
     initial_table: np.ndarray
     noise_scale: float
     views_agree: bool
+    skipped: tuple[str, ...] = ()
 
 
-def search(observations: TrackedObservations, frames: np.ndarray, max_offset_s: float) -> CoarseResult:
+def search(
+    observations: TrackedObservations, frames: np.ndarray, max_offset_s: float, max_comparisons: int
+) -> CoarseResult:
     """Accept corrections as long as they help.
 
     Args:
         observations: of the recording.
         frames: about a hundred sampled frames.
         max_offset_s: largest time offset to consider, in seconds.
+        max_comparisons: bound of the work, see :class:`WorkBudget`.
     """
+    budget = WorkBudget(max_comparisons)
     model = RecordingModel.from_calibration(observations, frames)
     scale = _noise_of_best_pairs(observations, model)
-    candidates = _CandidateSearch(observations, scale, max_offset_s)
+    candidates = _CandidateSearch(observations, scale, max_offset_s, budget)
     table = initial_table = candidates.table(model)
     corrections: list[CoarseCorrection] = []
-    unsynchronized = _unsynchronized(candidates, model, table) if scale > 1.0 else None
+    unsynchronized = _unsynchronized(candidates, model, table) if scale > 1.0 and candidates.may_synchronize() else None
     if unsynchronized is not None:
         candidates, correction = unsynchronized
         corrections, model, scale, table = (
@@ -114,7 +121,7 @@ def search(observations: TrackedObservations, frames: np.ndarray, max_offset_s: 
         corrections.append(correction)
         model = correction.model
         table = candidates.table(model)
-    return CoarseResult(model, tuple(corrections), table, initial_table, scale, _has_core(table))
+    return CoarseResult(model, tuple(corrections), table, initial_table, scale, _has_core(table), tuple(budget.skipped))
 
 
 def _unsynchronized(
@@ -158,6 +165,41 @@ class _CandidateSearch:
     observations: TrackedObservations
     scale: float
     max_offset_s: float
+    budget: WorkBudget
+
+    @property
+    def _step_s(self) -> float:
+        """Step of the search for time offsets."""
+        return max(self.observations.period_s, 0.04)
+
+    @property
+    def _reach(self) -> int:
+        """Number of steps of the search for time offsets, on either side."""
+        return int(self.max_offset_s / self._step_s)
+
+    def may_synchronize(self) -> bool:
+        """Return whether the budget allows the search for the time offsets of all views, and count it."""
+        views = self.observations.n_views
+        work = (2 * self._reach + 1) * views * (views + 1) // 2 + 16 * views * views
+        return self.budget.allow(work, "time offsets of all views")
+
+    def may_examine(self, view: int) -> bool:
+        """Return whether the budget allows the search for corrections of a single view, and count it."""
+        tried = 30 + len(_COMMON_IMAGE_SCALES) + len(_IMAGE_SCALES) + len(_FOCAL_FACTORS) + 2 * self._reach
+        name = self.observations.rig.names[view]
+        return self.budget.allow(tried * self.observations.n_views, f"image, focal length and time offset of {name!r}")
+
+    def may_reorder(self) -> bool:
+        """Return whether the budget allows the search for another order of the cameras, and count it."""
+        views = self.observations.n_views
+        pairs = views * (views - 1)
+        return self.budget.allow(views * views + pairs * pairs // 6, "the order of the cameras")
+
+    def may_change_all(self) -> bool:
+        """Return whether the budget allows corrections that concern all views at once, and count them."""
+        views = self.observations.n_views
+        tried = 8 + len(_COMMON_IMAGE_SCALES) + len(_FOCAL_FACTORS) // 2
+        return self.budget.allow(tried * views * (views + 1) // 2, "image and focal length of all views")
 
     def table(self, model: RecordingModel) -> np.ndarray:
         """Return the disagreement of all pairs of views."""
@@ -174,20 +216,22 @@ class _CandidateSearch:
         level = float(np.nanquantile(table, 0.25)) if np.isfinite(table).any() else np.nan
         suspects = [v for v in range(views) if rows[v] > level + _SUSPECT_MARGIN]
         if len(suspects) > 1 or not _has_core(table):
-            ordered = self._reordered(model, table)
+            ordered = self._reordered(model, table) if self.may_reorder() else None
             if ordered is not None:
                 return ordered
         if views > 2 and _has_core(table):
-            candidates = [correction for v in suspects for correction in self._single_view(model, table, v)]
+            worst_first = sorted(suspects, key=lambda v: -rows[v])
+            examined = sorted(v for v in worst_first if self.may_examine(v))
+            candidates = [correction for v in examined for correction in self._single_view(model, table, v)]
             chosen = _choose(candidates, level)
             if chosen is not None:
                 return chosen
         if not _has_core(table):
-            return _choose(list(self._all_views(model, table)), level)
+            return _choose(list(self._all_views(model, table)), level) if self.may_change_all() else None
         if views > 2:
             far = [v for v in suspects if rows[v] > max(level + _RESECTION_MARGIN, _MIN_RESECTION_LEVEL)]
             return _choose([correction for v in far for correction in self._resected(model, table, v)], level)
-        return _choose(list(self._single_view(model, table, 1)), level)
+        return _choose(list(self._single_view(model, table, 1)), level) if self.may_examine(1) else None
 
     def _scored(
         self, kind: str, view: int, model: RecordingModel, table: np.ndarray, others: list[PosedView]
@@ -235,8 +279,7 @@ class _CandidateSearch:
         # Leave small changes to the fine search, which estimates their uncertainty.
         if abs(float(np.log(zoom.model.focal_ratio[0, v, 0] / model.focal_ratio[0, v, 0]))) > _MIN_LOG_ZOOM:
             yield zoom
-        step = max(self.observations.period_s, 0.04)
-        reach = int(self.max_offset_s / step)
+        step, reach = self._step_s, self._reach
         tried = [model.with_offset(v, step * k) for k in range(-reach, reach + 1) if k]
         if tried:
             coarse = best_of("offset", tried)
@@ -260,6 +303,8 @@ class _CandidateSearch:
         for factor in _FOCAL_FACTORS[::2]:
             tried = replace(model, focal_ratio=model.focal_ratio * factor)
             yield CoarseCorrection("focal", -1, tried, before, _mean(self.table(tried)))
+        if not self.may_synchronize():
+            return
         tried = self.synchronized(model)
         after = self.table(tried)
         if _has_core(after):
@@ -267,8 +312,7 @@ class _CandidateSearch:
 
     def synchronized(self, model: RecordingModel) -> RecordingModel:
         """Return the model with the time offsets at which every view agrees best with the others."""
-        step = max(self.observations.period_s, 0.04)
-        offset_s = estimate_start_offsets(self.observations, model, self.scale, step, int(self.max_offset_s / step))
+        offset_s = estimate_start_offsets(self.observations, model, self.scale, self._step_s, self._reach)
         for v, view_offset_s in enumerate(offset_s):
             model = model.with_offset(v, view_offset_s)
         return model

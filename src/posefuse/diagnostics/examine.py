@@ -30,15 +30,19 @@ class Effort:
         min_spacing_s: shortest time between samples.
         max_samples: largest number of samples.
         max_offset_s: largest time offset of a view.
+        max_comparisons: bound of the search for gross faults; see :class:`WorkBudget`.
+        max_faults: largest number of small faults to find; by default twice the number of views.
     """
 
     min_spacing_s: float = 0.12
     max_samples: int = 600
     max_offset_s: float = 2.0
+    max_comparisons: int = 1_000_000
+    max_faults: int | None = None
 
 
 DEEP = Effort()
-SHORT = Effort(0.25, 150, 1.0)
+SHORT = Effort(0.25, 150, 1.0, 30_000, 5)
 
 
 def examine(
@@ -61,7 +65,7 @@ def examine(
         return Examination(observations, observations, None, None, np.zeros(observations.n_views), None)
     subset = observations.select_columns(_coarse_columns(len(observations.keypoint_index), observations.mirror_column))
     coarse_frames = _samples(observations, _COARSE_SPACING_S, _MAX_COARSE_SAMPLES)
-    coarse = coarse_search.search(subset, coarse_frames, effort.max_offset_s)
+    coarse = coarse_search.search(subset, coarse_frames, effort.max_offset_s, effort.max_comparisons)
     model = coarse.model.resampled(frames)
     shares, corrected = np.zeros(observations.n_views), observations
     if not coarse.views_agree:
@@ -69,7 +73,7 @@ def examine(
     shares, _ = _detect_swaps(observations, coarse.model)
     if (shares > _FREQUENT_SWAPS).any():
         shares, corrected = _without_swaps(observations, model)
-    fine = fine_search.search(corrected, model, groups, _block_s(observations), non_clock_factor)
+    fine = fine_search.search(corrected, model, groups, _block_s(observations), non_clock_factor, effort.max_faults)
     if _most_cameras_relocated(coarse, fine, observations.n_views):
         return Examination(observations, observations, replace(coarse, views_agree=False), None, shares, None)
     return Examination(corrected, observations, coarse, fine, shares, fine.final.points)

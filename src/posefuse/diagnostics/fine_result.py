@@ -56,9 +56,11 @@ class FineResult:
         final: linearization with all accepted corrections.
         accepted: accepted faults, the most certain first.
         design_effect: typical number of correlated observations that carry the information of one.
+        complete: whether the search ended because no further fault helps, and not at its bound.
     """
 
     initial: Linearization
     final: Linearization
     accepted: tuple[AcceptedFault, ...]
     design_effect: float
+    complete: bool = True

@@ -52,6 +52,7 @@ def search(
     groups: Sequence[str],
     block_s: float,
     non_clock_factor: float = 1.0,
+    max_faults: int | None = None,
 ) -> FineResult:
     """Find small faults of single views.
 
@@ -62,6 +63,7 @@ def search(
         block_s: length of the blocks of time that count as independent, in seconds.
         non_clock_factor: multiple of the threshold required of hypotheses that do not concern clocks. If above 1, at
             most half as many of them as there are views are accepted.
+        max_faults: largest number of faults to find; by default twice the number of views.
     """
     runs = observations.runs[model.frames]
     blocks = time_blocks(observations.frame_time_s[model.frames], runs, block_s)
@@ -73,7 +75,9 @@ def search(
     evaluations = _evaluate_all(current.system, (), groups, effect, observations.n_views)
     if "clock" in groups:
         faults, current = searcher.unsynchronized(current, evaluations, effect)
-    for _ in range(2 * observations.n_views):
+    most = 2 * observations.n_views if max_faults is None else max_faults
+    complete = False
+    for _ in range(most):
         if faults:
             accepted = tuple(unknown for item in faults for unknown in item.hypothesis.unknowns)
             evaluations = _evaluate_all(current.system, accepted, groups, effect, observations.n_views)
@@ -81,13 +85,14 @@ def search(
             evaluations = [evaluation for evaluation in evaluations if evaluation.hypothesis.kind in CLOCK_KINDS]
         chosen = searcher.accept_best(current, faults, evaluations)
         if chosen is None:
+            complete = True
             break
         faults, current = chosen
         effect = min(effect, typical_design_effect(current.system, observations.n_views))
     if faults:
         faults, current = searcher.refit_clocks(*searcher.settle(current, faults, _FINAL_STEPS))
         faults, current = searcher.without_insignificant(current, faults, 0.5 * THRESHOLD)
-    return FineResult(initial, current, tuple(_with_sds(current.system, faults)), effect)
+    return FineResult(initial, current, tuple(_with_sds(current.system, faults)), effect, complete)
 
 
 def _evaluate_all(

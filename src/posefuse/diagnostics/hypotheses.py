@@ -174,15 +174,32 @@ def _group_by_unknowns(candidates: Iterable[Hypothesis]) -> Iterable[list[Hypoth
 
 
 def _gains(system: LinearSystem, accepted: Sequence[Unknown], group: Sequence[Hypothesis]) -> np.ndarray:
-    """Return the gain of :func:`solve_unknowns` for hypotheses about the same parameters, shape (hypothesis,)."""
-    index = [unknown.index for unknown in (*accepted, *group[0].unknowns)]
-    profile = np.stack([np.stack([u.profile for u in (*accepted, *one.unknowns)]) for one in group])
-    normal = np.moveaxis(system.blocks.normal[:, index][:, :, index], 0, -1)
-    whole = (profile[:, :, None] * profile[:, None] * normal).sum(axis=-1)
-    total = (profile * system.blocks.right[:, index].T).sum(axis=-1)
-    parameters = [unknown.parameter for unknown in (*accepted, *group[0].unknowns)]
-    prior = _PRIOR[parameters] / np.maximum(np.abs(profile).max(axis=-1), 1e-9)
-    values = np.linalg.solve(whole + np.eye(len(index)) * prior[:, None, :] ** -2.0, total[..., None])[..., 0]
+    """Return the gain of :func:`solve_unknowns` for hypotheses about the same parameters, shape (hypothesis,).
+
+    The equations of the accepted unknowns are the same for all hypotheses; only those that contain a hypothesis' own
+    unknowns are summed per hypothesis.
+    """
+    normal, right, n = system.blocks.normal, system.blocks.right, len(accepted)
+    old, new = [unknown.index for unknown in accepted], [unknown.index for unknown in group[0].unknowns]
+    size = n + len(new)
+    profiles = np.array([[unknown.profile for unknown in one.unknowns] for one in group])
+    whole, total = np.empty((len(group), size, size)), np.empty((len(group), size))
+    inverse_reach = np.empty((len(group), size))
+    inverse_reach[:, n:] = 1.0 / np.maximum(np.abs(profiles).max(axis=-1), 1e-9)
+    if n:
+        equations, sums = restrict(system.blocks, accepted)
+        whole[:, :n, :n], total[:, :n] = equations.sum(axis=0), sums.sum(axis=0)
+        inverse_reach[:, :n] = [_inverse_reach(unknown) for unknown in accepted]
+    by_block = np.array([unknown.profile for unknown in accepted]).T
+    for k, index in enumerate(new):
+        total[:, n + k] = profiles[:, k] @ right[:, index]
+        if n:
+            whole[:, n + k, :n] = whole[:, :n, n + k] = profiles[:, k] @ (normal[:, old, index] * by_block)
+        for other in range(k + 1):
+            both = (profiles[:, k] * profiles[:, other]) @ normal[:, index, new[other]]
+            whole[:, n + k, n + other] = whole[:, n + other, n + k] = both
+    prior = _PRIOR[[unknown.parameter for unknown in (*accepted, *group[0].unknowns)]] * inverse_reach
+    values = np.linalg.solve(whole + np.eye(size) * prior[:, None, :] ** -2.0, total[..., None])[..., 0]
     return (total * values).sum(axis=-1)
 
 

@@ -9,6 +9,7 @@ from posefuse.diagnostics import (
     confidence,
     copied_poses,
     image_orientation,
+    incomplete,
     left_right_swaps,
     lenses,
     repeated_frames,
@@ -31,6 +32,7 @@ FINDERS: tuple[Callable[[Examination], tuple[Finding, ...]], ...] = (
     left_right_swaps.find,
     confidence.find,
     view_overlap.find,
+    incomplete.find,
 )
 
 

@@ -21,6 +21,7 @@ class FindingKind(StrEnum):
     LEFT_RIGHT_SWAP = "left/right swap"
     CONFIDENCE = "confidence"
     LOW_OVERLAP = "low overlap"
+    INCOMPLETE = "incomplete check"
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,11 @@ from posefuse.progress import Progress, Silent
 
 
 def check_recording(plan: Plan) -> Plan:
-    """Return the plan with the findings of a short recording check; one camera cannot be checked."""
-    if len(plan.rig) == 1:
+    """Return the plan with the findings of a short recording check.
+
+    One camera cannot be checked, and ``health = "off"`` disables the check.
+    """
+    if len(plan.rig) == 1 or plan.options.health == "off":
         return plan
     return replace(plan, findings=recording_check.find_faults(plan.rig, plan.detections, plan.subjects, SHORT))
 

@@ -26,6 +26,7 @@ from posefuse.model.options.triangulation import TriangulationOptions
 
 People = Literal["auto", "one", "many"]
 Bodies = Literal["auto", "fit", "none"]
+Switch = Literal["on", "off"]
 Pick = Literal["largest", "track-id"]
 ThirdChannel = Literal["confidence", "depth"]
 LengthUnit = Literal["m", "cm", "mm"]
@@ -58,6 +59,8 @@ class Options:
         start_s: Start of the part to reconstruct.
         end_s: End of the part to reconstruct, exclusive.
         noise_scale_px: Standard deviation of every detection per axis; by default estimated from the recording.
+        health: Check of the recording for wrong calibrations, swapped cameras, time offsets and similar faults: on or
+            off.
         layer: Layer to export and evaluate: measured, solved or model. By default it is the best one available.
         triangulation: Options of triangulation.
         noise: Options of the detection noise.
@@ -98,6 +101,7 @@ class Options:
     start_s: float | None = option(None, common=True, example="2.0")
     end_s: float | None = option(None, common=True, example="12.0")
     noise_scale_px: float | None = option(None, above=0.0)
+    health: Switch = "on"
     layer: LayerName | None = option(None, common=True)
     triangulation: TriangulationOptions = field(default_factory=TriangulationOptions)
     noise: NoiseOptions = field(default_factory=NoiseOptions)
