@@ -250,7 +250,8 @@ class TestNothing:
     def test_arrays_of_another_recording_are_refused(self):
         rig, truth = rig_of(), people(1)
         frame, _ = seen(rig, truth)
-        with pytest.raises(DetectionsError, match=r"has 5 detections in 5 views, but the rig has 5 cameras .* 3 entries"):
+        message = r"has 5 detections in 5 views, but the rig has 5 cameras .* 3 entries"
+        with pytest.raises(DetectionsError, match=message):
             found_in(frame, rig, free=np.ones(3, dtype=bool))
         with pytest.raises(DetectionsError, match="has 17 keypoints a person, but the skeleton 'body_25' has 25"):
             propose(rig, frame, noise_of(rig), find_skeleton("body_25"), np.ones(5, dtype=bool), GROUPS)
