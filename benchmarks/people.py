@@ -171,7 +171,7 @@ def exclusive_folder(scene: CrowdScene, told: Sequence[People]) -> Alone:
             if scene.kind[row] not in (Kind.PERSON, Kind.DUPLICATE):
                 continue
             there = truth[f, scene.owner[row]]
-            ray = there.mean(axis=0) - scene.rig.cameras[view[0]].centre_m
+            ray = there.mean(axis=0) - scene.rig.cameras[view[0]].center_m
             ray /= np.linalg.norm(ray)
             error, covariance = person.points_m - there, unpack_covariance(person.covariance_m2)
             off.append((error @ ray).mean())

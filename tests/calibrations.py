@@ -45,14 +45,14 @@ def vicon(rig: CameraRig, folder: Path) -> Path:
     cameras = []
     for c in rig.cameras:
         quaternion = " ".join(map(repr, Rotation.from_matrix(c.rotation).as_quat().tolist()))
-        centre = " ".join(map(repr, (1000.0 * c.centre_m).tolist()))
+        center = " ".join(map(repr, (1000.0 * c.center_m).tolist()))
         k, (width, height) = c.matrix.tolist(), c.size_px
         k1, k2, _, _, k3 = coefficients(c)
         cameras.append(
             f'<Camera DEVICEID="{c.name}" SYSTEM="DV" SENSOR_SIZE="{width + 40} {height + 20}" '
             f'VIDEO_SIZE="{width} {height}" PIXEL_ASPECT_RATIO="{k[0][0] / k[1][1]!r}"><KeyFrames><KeyFrame '
             f'FOCAL_LENGTH="{k[0][0]!r}" PRINCIPAL_POINT="{k[0][2] + 20!r} {k[1][2] + 10!r}" '
-            f'ORIENTATION="{quaternion}" POSITION="{centre}" '
+            f'ORIENTATION="{quaternion}" POSITION="{center}" '
             f'VICON_RADIAL2="none 0 0 {k1!r} {k2!r} {k3!r}" WORLD_ERROR="0.1"/></KeyFrames></Camera>'
         )
     marker = '<Camera DEVICEID="marker" SYSTEM="VX"/>'
@@ -194,7 +194,7 @@ def scene(rig: CameraRig, folder: Path) -> Path:
 
 
 def scene_of_poses(rig: CameraRig, folder: Path) -> Path:
-    cameras = [_scene_camera(c) | {"R": c.rotation.T.tolist(), "T": c.centre_m[:, None].tolist()} for c in rig.cameras]
+    cameras = [_scene_camera(c) | {"R": c.rotation.T.tolist(), "T": c.center_m[:, None].tolist()} for c in rig.cameras]
     return _text(folder / "scene.json", json.dumps({"extrinsic_format": "rpt_camera_pose", "cameras": cameras}))
 
 

@@ -197,7 +197,7 @@ class TestGroups:
         lone, _ = seen(rig, truth[:1], hidden=((0, 2), (0, 3), (0, 4)))
         assert len(found_in(lone, rig)) == 1
         pixels = rig.project(truth[:1])
-        far = rig.cameras[0].centre_m + 0.5 * (truth[0] - rig.cameras[0].centre_m)
+        far = rig.cameras[0].center_m + 0.5 * (truth[0] - rig.cameras[0].center_m)
         assert np.abs(rig.project(far)[0] - pixels[0, 0]).max() < 1e-6
         assert len(found_in(lone, rig, known_m=far[None])) == 0
 

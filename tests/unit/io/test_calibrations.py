@@ -35,7 +35,7 @@ def test_pose2sim(tmp_path):
     path.write_text(pose2sim_toml(rig))
     found = read_cameras(path)
     assert_same_cameras(found, rig)
-    assert (found.up_axis, found.metres_per_unit, found.source) == ("z", 1.0, "Calib.toml")
+    assert (found.up_axis, found.meters_per_unit, found.source) == ("z", 1.0, "Calib.toml")
 
 
 def test_qualisys(tmp_path):
@@ -44,7 +44,7 @@ def test_qualisys(tmp_path):
     path.write_text(qualisys_xml(rig))
     found = read_cameras(path)
     assert_same_cameras(found, rig, 1e-9)
-    assert (found.up_axis, found.metres_per_unit) == ("z", 0.001)
+    assert (found.up_axis, found.meters_per_unit) == ("z", 0.001)
 
 
 def test_qualisys_scales_videos_of_lower_resolution(tmp_path):
@@ -108,7 +108,7 @@ def test_anipose_in_meters(tmp_path):
     assert_same_cameras(read_cameras(path, length_unit="m"), rig)
     assert read_cameras(path, length_unit="m").notes == ()
     in_mm = read_cameras(path, length_unit="mm")
-    np.testing.assert_allclose(in_mm.cameras[0].centre_m, rig.cameras[0].centre_m / 1000, atol=1e-12)
+    np.testing.assert_allclose(in_mm.cameras[0].center_m, rig.cameras[0].center_m / 1000, atol=1e-12)
 
 
 def test_anipose_metadata_round_trips(tmp_path):

@@ -23,7 +23,7 @@ from tests.laws import examples
 
 SKELETONS = ["body_20", "coco_17", "coco_wholebody_133", "mouse_22", "fly_38"]
 BVH_M, GLTF_M = 1e-6, 5e-6
-"""A BVH has six decimals of a cm and a degree, glTF single precision: down a chain of some metres."""
+"""A BVH has six decimals of a cm and a degree, glTF single precision: down a chain of some meters."""
 
 
 def expected(result, person: int = 0) -> np.ndarray:
@@ -221,7 +221,7 @@ class TestGltf:
         present = np.isfinite(result.layers["model"].points_m[:, 0, 0, 0])
         np.testing.assert_allclose(keys, np.flatnonzero(present) / RATE_HZ, atol=1e-6)
 
-    def test_neighbouring_keys_are_on_one_side(self, tmp_path):
+    def test_neighboring_keys_are_on_one_side(self, tmp_path):
         gltf.write(posed("body_20", 300, seed=5), "person_1", tmp_path / "a.glb")
         found = Gltf(tmp_path / "a.glb")
         for node in range(len(found.names)):

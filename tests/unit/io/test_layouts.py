@@ -256,7 +256,7 @@ class TestMvor:
     def test_poses_are_relative_to_the_first_camera(self, tmp_path):
         operating_room(tmp_path)
         rig = read_cameras(tmp_path / "camma_mvor_2018.json")
-        np.testing.assert_allclose(rig.cameras[1].centre_m, [1.0, 0.0, 0.0])
+        np.testing.assert_allclose(rig.cameras[1].center_m, [1.0, 0.0, 0.0])
 
     def test_annotated_and_detected_people(self, tmp_path):
         operating_room(tmp_path)

@@ -29,7 +29,7 @@ from tests.scenes import body_points, ring, simulate_detections
 
 @pytest.fixture(scope="module")
 def result() -> Reconstruction:
-    """Nine frames of one person, a keypoint missing in frame 3; measured, and a second layer a centimetre off."""
+    """Nine frames of one person, a keypoint missing in frame 3; measured, and a second layer a centimeter off."""
     rng = np.random.default_rng(1)
     rig = ring(4, "barrel")
     detections = simulate_detections(rig, body_points(rng, 9), rng, rate_hz=60.0)
@@ -155,16 +155,16 @@ class TestAnipose:
         alignment = Alignment(turn, np.array([0.5, -0.25, 1.0]), 1.1)
         before = np.asarray(result.layers["measured"].points_m)[:, 0]
         layer = replace(result.layers["measured"], points_m=alignment.points(before)[:, None])
-        rig = replace(result.rig, metres_per_unit=0.001)
+        rig = replace(result.rig, meters_per_unit=0.001)
         posefuse.write(
             replace(result, rig=rig, alignment=alignment, layers={"measured": layer}), tmp_path / "anipose.csv"
         )
         table = pandas.read_csv(tmp_path / "anipose.csv")
         matrix = np.array([[table[f"M_{i}{j}"][0] for j in range(3)] for i in range(3)])
-        centre = np.array([table[f"center_{i}"][0] for i in range(3)])
+        center = np.array([table[f"center_{i}"][0] for i in range(3)])
         nose = table[["nose_x", "nose_y", "nose_z"]].to_numpy()
-        # As Anipose's project-3d does it: to the calibration's own unit, here millimetres.
-        np.testing.assert_allclose((nose + centre) @ np.linalg.inv(matrix.T), 1000.0 * before[:, 0], rtol=1e-9)
+        # As Anipose's project-3d does it: to the calibration's own unit, here millimeters.
+        np.testing.assert_allclose((nose + center) @ np.linalg.inv(matrix.T), 1000.0 * before[:, 0], rtol=1e-9)
 
     def test_columns_are_aniposes(self, result, tmp_path):
         posefuse.write(result, tmp_path / "anipose.csv")
