@@ -17,7 +17,7 @@ from posefuse.io.parquet_files import check_parquet, check_row_groups
 from posefuse.synthetic.options import CLEAN, SceneOptions
 from posefuse.synthetic.scenes import simulate
 from tests import keypoint_files
-from tests.unit.io.keypoints.test_keypoint_formats import some
+from tests.example_detections import example_detections
 
 HUGE = 10**9
 
@@ -73,17 +73,17 @@ def test_chunks_of_arrays_that_are_read_by_ranges_are_limited(result, tmp_path):
 
 
 def test_keypoints_that_declare_gigabytes_are_refused(tmp_path):
-    own = keypoint_files.own(some(), tmp_path / "own")
+    own = keypoint_files.own(example_detections(), tmp_path / "own")
     declare(own, "time_s", (HUGE, 2))
     refused(own)
     for writer, array, shape in (
         (keypoint_files.sleap, "tracks", (2, 2, 17, HUGE)),
         (keypoint_files.deeplabcut_h5, "df_with_missing/more", (HUGE,)),
     ):
-        folder = writer(some(), tmp_path / writer.__name__)
+        folder = writer(example_detections(), tmp_path / writer.__name__)
         declare(next(folder.iterdir()), array, shape)
         refused(folder)
-    project = keypoint_files.slp(some(), tmp_path / "slp")
+    project = keypoint_files.slp(example_detections(), tmp_path / "slp")
     declare(project, "more", (HUGE,))
     refused(project)
 
@@ -151,7 +151,7 @@ def test_parquet_with_one_long_string_in_every_row_is_refused(own, tmp_path, mon
     monkeypatch.setattr("posefuse.io.files._LARGE_BYTES", 10**7)
     path, rows = tmp_path / "tidy.parquet", 2 * 10**4
     if own:
-        tidy.write(some(), path)
+        tidy.write(example_detections(), path)
         told = pq.read_schema(path).metadata
     places = pa.array(np.zeros(rows, np.int32))
 

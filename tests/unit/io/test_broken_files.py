@@ -14,8 +14,8 @@ from posefuse.errors import PosefuseError
 from posefuse.io.boards import read_board
 from posefuse.io.timestamps import read_timestamps
 from tests.broken import broken
+from tests.layouts import freemocap, operating_room
 from tests.unit.io.keypoints import test_caliscope
-from tests.unit.io.test_layouts import freemocap, operating_room
 
 Case = tuple[Path, Callable[[], object]]
 

@@ -8,52 +8,22 @@ import numpy as np
 import pytest
 
 from posefuse import read_detections
-from posefuse.errors import FileError, PosefuseError
-from posefuse.model.detections import Detections
+from posefuse.errors import FileError, PosefuseError, SkeletonError
+from posefuse.io.recording import find_recording
 from posefuse.skeleton.skeletons import shipped_skeleton
 from tests import keypoint_files
 from tests.broken import broken
+from tests.example_detections import SKELETONS, example_detections
 from tests.keypoint_files import WRITERS
 
 NO_CONFIDENCE = ("coco_annotations", "label3d")
 ONE = ("label3d", "deeplabcut", "mediapipe_wide", "mediapipe_long", "eks")
 NAMELESS = ("payload_arrays", "mediapipe_json", "mediapipe_wide", "mediapipe_long", "opencap")
-BODY = {"mediapipe_json": "mediapipe_33", "mediapipe_wide": "mediapipe_33", "mediapipe_long": "mediapipe_33"}
-
-
-def some(n_people: int = 2, seed: int = 0, body: str | None = None) -> Detections:
-    """Return two views of six frames with missing keypoints, all people in the first frame and one in the last."""
-    rng = np.random.default_rng(seed)
-    skeleton = shipped_skeleton(body or ("mouse_22" if n_people == 1 else "coco_17"))
-    rows, offsets, tracks = [], [0], []
-    for f in range(6):
-        for v in range(2):
-            for i in range(n_people):
-                if 0 < f < 5 and rng.random() < 0.3:
-                    continue
-                values = rng.uniform([5, 5, 0.2], [1900, 1000, 0.99], (len(skeleton), 3))
-                values[rng.random(len(skeleton)) < 0.2] = np.nan
-                values[0] = 40.0 + v, 50.0 + i, 0.5
-                rows.append(values)
-                tracks.append(i)
-            offsets.append(len(rows))
-    values = np.array(rows)
-    return Detections(
-        skeleton=skeleton,
-        view_names=("left", "right"),
-        frame_numbers=np.arange(6),
-        time_s=np.full((6, 2), np.nan),
-        offsets=np.array(offsets),
-        keypoints_px=values[..., :2],
-        confidence=values[..., 2],
-        recorded=np.ones((6, 2), dtype=bool),
-        track_ids=np.array(tracks),
-    )
 
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_every_format_gives_the_same_detections(name, tmp_path):
-    given = some(1 if name in ONE else 2, body=BODY.get(name))
+    given = example_detections(1 if name in ONE else 2, body=SKELETONS.get(name))
     found = read_detections(WRITERS[name](given, tmp_path / "keypoints"), given.skeleton)
     assert found.view_names == given.view_names
     np.testing.assert_array_equal(found.frame_numbers, given.frame_numbers)
@@ -69,7 +39,7 @@ def test_every_format_gives_the_same_detections(name, tmp_path):
 
 
 def test_frame_numbers_of_the_file_are_kept(tmp_path):
-    given = some()
+    given = example_detections()
     folder = keypoint_files.mmpose(given, tmp_path)
     for file in folder.glob("*.json"):
         content = json.loads(file.read_text())
@@ -80,7 +50,7 @@ def test_frame_numbers_of_the_file_are_kept(tmp_path):
 
 
 def test_ignored_hands_are_reported(tmp_path):
-    given = some()
+    given = example_detections()
     folder = keypoint_files.openpose(given, tmp_path)
     assert not any("are not read" in note for note in read_detections(folder, given.skeleton).notes)
     for file in folder.rglob("*.json"):
@@ -92,7 +62,7 @@ def test_ignored_hands_are_reported(tmp_path):
 
 
 def test_annotations_name_their_keypoints_and_bones(tmp_path):
-    found = read_detections(keypoint_files.coco_annotations(some(), tmp_path))
+    found = read_detections(keypoint_files.coco_annotations(example_detections(), tmp_path))
     assert found.skeleton.keypoints == shipped_skeleton("coco_17").keypoints
     assert found.skeleton.edges == shipped_skeleton("coco_17").edges
 
@@ -134,7 +104,7 @@ def test_a_table_whose_pickle_executes_code_is_refused(tmp_path):
         def __reduce__(self):
             return (print, ("ran",))
 
-    folder = keypoint_files.deeplabcut_h5(some(), tmp_path)
+    folder = keypoint_files.deeplabcut_h5(example_detections(), tmp_path)
     with h5py.File(folder / "trial_left_dlc.h5", "a") as file:
         file["df_with_missing"].attrs["non_index_axes"] = np.void(pickle.dumps(Evil(), protocol=0))
     with pytest.raises(FileError, match="only numbers and strings are read"):
@@ -143,7 +113,7 @@ def test_a_table_whose_pickle_executes_code_is_refused(tmp_path):
 
 def test_a_table_whose_pickle_allocates_gigabytes_is_refused(tmp_path):
     """The pickle uses memo index 999,999,999."""
-    folder = keypoint_files.deeplabcut_h5(some(), tmp_path)
+    folder = keypoint_files.deeplabcut_h5(example_detections(), tmp_path)
     with h5py.File(folder / "trial_left_dlc.h5", "a") as file:
         file["df_with_missing"].attrs["non_index_axes"] = np.void(b"(lp999999999\n.")
     with pytest.raises(FileError, match="allocates memory for 999999999 values"):
@@ -151,7 +121,7 @@ def test_a_table_whose_pickle_allocates_gigabytes_is_refused(tmp_path):
 
 
 def test_people_of_different_lengths_are_an_error(tmp_path):
-    folder = keypoint_files.coco_results(some(), tmp_path)
+    folder = keypoint_files.coco_results(example_detections(), tmp_path)
     file = folder / "left.json"
     content = json.loads(file.read_text())
     content[1]["keypoints"] = content[1]["keypoints"][:-3]
@@ -162,7 +132,7 @@ def test_people_of_different_lengths_are_an_error(tmp_path):
 
 def read_broken(name: str, folder, cases: int) -> int:
     """Read broken recordings of a format and return how many were still readable."""
-    given = some(1 if name in ONE else 2, body=BODY.get(name))
+    given = example_detections(1 if name in ONE else 2, body=SKELETONS.get(name))
     path = WRITERS[name](given, folder)
     files = sorted(file for file in folder.rglob("*") if file.is_file())
     rng = np.random.default_rng(len(name))
@@ -214,7 +184,7 @@ def damage(kind: str, content: bytes) -> bytes:
 @pytest.mark.parametrize("kind", ["empty", "zeros", "half"])
 @pytest.mark.parametrize("name", A_FILE_A_CAMERA)
 def test_the_damaged_file_of_one_camera_is_an_error_that_names_it(name, kind, tmp_path):
-    given = some(1 if name in ONE else 2, body=BODY.get(name))
+    given = example_detections(1 if name in ONE else 2, body=SKELETONS.get(name))
     path = WRITERS[name](given, tmp_path / "keypoints")
     for file in sorted(file for file in path.rglob("*") if file.is_file()):
         whole = file.read_bytes()
@@ -227,7 +197,7 @@ def test_the_damaged_file_of_one_camera_is_an_error_that_names_it(name, kind, tm
 
 @pytest.mark.parametrize("name", ["alphapose", "coco_results", "rtmlib"])
 def test_a_camera_without_people_is_kept(name, tmp_path):
-    given = some()
+    given = example_detections()
     path = WRITERS[name](given, tmp_path / "keypoints")
     next(file for file in path.rglob("*.json") if "right" in str(file)).write_text("[]")
     found = read_detections(path, given.skeleton)
@@ -237,7 +207,7 @@ def test_a_camera_without_people_is_kept(name, tmp_path):
 
 @pytest.mark.parametrize("name", ["alphapose", "coco_results", "mmpose", "payload_arrays", "mediapipe_json"])
 def test_other_files_in_the_folder_are_ignored(name, tmp_path):
-    given = some(body=BODY.get(name))
+    given = example_detections(body=SKELETONS.get(name))
     path = WRITERS[name](given, tmp_path / "keypoints")
     (path / "settings.json").write_text('{"model": "large", "loss": NaN}')
     (path / "._left.json").write_bytes(b"\0\5\x16\7")
@@ -246,8 +216,32 @@ def test_other_files_in_the_folder_are_ignored(name, tmp_path):
 
 @pytest.mark.parametrize("name", ["openpose", "easymocap"])
 def test_the_first_frame_of_a_camera_that_is_damaged_is_named(name, tmp_path):
-    path = WRITERS[name](some(), tmp_path / "keypoints")
+    path = WRITERS[name](example_detections(), tmp_path / "keypoints")
     first = min(path.rglob("*.json"))
     first.write_bytes(b"")
     with pytest.raises(FileError, match=first.name):
         read_detections(path, "coco_17")
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_every_format_is_found_in_a_folder(name, tmp_path):
+    given = example_detections(1, body=SKELETONS.get(name))
+    WRITERS[name](given, tmp_path / "recording" / "keypoints")
+    (found,) = find_recording(tmp_path / "recording").keypoints
+    assert read_detections(found.path, given.skeleton).view_names == given.view_names
+
+
+@pytest.mark.parametrize(
+    "name", ["detection_folder", "payload_arrays", "mediapipe_json", "mediapipe_wide", "mediapipe_long", "deeplabcut"]
+)
+def test_a_camera_with_an_empty_file_is_an_error(name, tmp_path):
+    path = WRITERS[name](example_detections(1, body=SKELETONS.get(name)), tmp_path)
+    max(file for file in tmp_path.rglob("*") if file.is_file()).write_bytes(b"")
+    with pytest.raises(FileError, match=r"truncated"):
+        read_detections(path)
+
+
+def test_a_skeleton_of_another_number_is_refused(tmp_path):
+    path = WRITERS["replay_without_head"](example_detections(), tmp_path)
+    with pytest.raises((FileError, SkeletonError), match="17 keypoints per person"):
+        read_detections(path, "body_25")
