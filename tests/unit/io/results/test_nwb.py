@@ -12,7 +12,7 @@ from posefuse.errors import FileError, ResultError
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus
 from tests.laws.test_result_files import some_result
-from tests.unit.io.test_result_formats import read_broken
+from tests.unit.io.results.test_registry import read_broken
 
 pytest.importorskip("ndx_pose", reason="ndx-pose is an optional package")
 pytestmark = pytest.mark.filterwarnings("ignore")
