@@ -4,6 +4,7 @@ import numpy as np
 
 from posefuse.model.detections import Detections
 from posefuse.skeleton.skeletons import shipped_skeleton
+from tests.scenes import skeleton_of
 
 SKELETONS = {"mediapipe_json": "mediapipe_33", "mediapipe_wide": "mediapipe_33", "mediapipe_long": "mediapipe_33"}
 """Skeletons of formats that represent no other."""
@@ -36,4 +37,23 @@ def example_detections(n_people: int = 2, seed: int = 0, body: str | None = None
         confidence=values[..., 2],
         recorded=np.ones((6, 2), dtype=bool),
         track_ids=np.array(tracks),
+    )
+
+
+def ragged_detections(rng: np.random.Generator, frames: int = 6, views: int = 3, keypoints: int = 4) -> Detections:
+    """0 to 3 people per view and frame."""
+    counts = rng.integers(0, 4, frames * views)
+    rows = int(counts.sum())
+    return Detections(
+        skeleton=skeleton_of(keypoints),
+        view_names=tuple(f"view_{v}" for v in range(views)),
+        frame_numbers=np.arange(10, 10 + frames),
+        time_s=np.repeat(np.arange(frames)[:, None] / 30.0, views, axis=1),
+        offsets=np.concatenate([[0], np.cumsum(counts)]),
+        keypoints_px=rng.uniform(0, 1000, (rows, keypoints, 2)),
+        confidence=rng.uniform(0, 1, (rows, keypoints)),
+        recorded=np.ones((frames, views), dtype=bool),
+        track_ids=rng.integers(-1, 3, rows),
+        depth=rng.normal(size=(rows, keypoints)),
+        rate_hz=30.0,
     )

@@ -12,8 +12,8 @@ from posefuse.model.detections import Detections
 from posefuse.skeleton.skeletons import find_skeleton
 from posefuse.synthetic.options import CLEAN, SceneOptions
 from posefuse.synthetic.scenes import simulate
+from tests.example_detections import ragged_detections
 from tests.files import openpose_person, write_openpose, write_openpose_frame
-from tests.unit.model.test_detections import ragged
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ class TestOpenPose:
         assert np.isnan(found.time_s).all()
 
     def test_any_number_of_people(self, tmp_path, rng):
-        crowd = replace(ragged(rng, keypoints=17), skeleton=find_skeleton("coco_17"), depth=None)
+        crowd = replace(ragged_detections(rng, keypoints=17), skeleton=find_skeleton("coco_17"), depth=None)
         found = read_detections(write_openpose(tmp_path, crowd, suffix=""), "coco_17")
         np.testing.assert_array_equal(found.people_counts, crowd.people_counts)
         np.testing.assert_array_equal(found.keypoints_px, crowd.keypoints_px)

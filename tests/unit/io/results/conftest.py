@@ -9,8 +9,8 @@ from posefuse.model.options.options import Options
 from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.pipeline.reconstruct import reconstruct
-from tests.laws.test_result_files import some_result
 from tests.people import crowd, followed
+from tests.properties.test_result_files import some_result
 from tests.scenes import body_points, ring, simulate_detections
 
 

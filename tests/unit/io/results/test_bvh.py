@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from posefuse.io.results import bvh, clips, gltf
 from posefuse.model.cameras import UP_AXES
 from tests.figures import RATE_HZ, Bvh, Gltf, joints_of, model_layer, points_in_file_axes, posed
-from tests.laws import examples
+from tests.properties import examples
 
 SKELETONS = ["body_20", "coco_17", "coco_wholebody_133", "mouse_22", "fly_38"]
 BVH_M, GLTF_M = 1e-6, 5e-6

@@ -12,7 +12,7 @@ from posefuse.errors import FileError, ResultError
 from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.pipeline.reconstruct import reconstruct
-from tests.laws.test_result_files import some_result
+from tests.properties.test_result_files import some_result
 from tests.scenes import body_points, ring, simulate_detections
 from tests.unit.io.results.test_registry import solved
 

@@ -11,7 +11,7 @@ import posefuse
 from posefuse.errors import FileError, ResultError
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus
-from tests.laws.test_result_files import some_result
+from tests.properties.test_result_files import some_result
 from tests.unit.io.results.test_registry import read_broken
 
 pytest.importorskip("ndx_pose", reason="ndx-pose is an optional package")

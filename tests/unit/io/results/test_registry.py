@@ -13,7 +13,7 @@ from posefuse.io.results.registry import RESULTS
 from posefuse.io.results.write import additional_names
 from posefuse.model.reconstruction import Reconstruction
 from tests.broken import broken
-from tests.laws.test_result_files import FILES, some_result
+from tests.properties.test_result_files import FILES, some_result
 
 
 def test_unknown_formats(frame_result, tmp_path):

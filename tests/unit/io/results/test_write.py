@@ -14,7 +14,7 @@ from posefuse.io.results.axes import y_up_from_world
 from posefuse.io.results.csv import columns
 from posefuse.io.results.write import write_folder
 from posefuse.model.track_events import Event
-from tests.laws.test_result_files import some_result
+from tests.properties.test_result_files import some_result
 
 
 def rows_of(path) -> list[dict[str, str]]:

@@ -28,8 +28,8 @@ from posefuse.report.batch import batch_page
 from posefuse.report.html import render_report
 from posefuse.skeleton.skeletons import Skeleton
 from tests.figures import posed
-from tests.laws import examples
 from tests.people import crowd, followed
+from tests.properties import examples
 
 PATHS = (
     "../../x", "/etc/x", "..", ".", "", "a/b", "C:\\x", "\\\\host\\x", "CON", "nul.txt", "com1 .csv", "x" * 300,

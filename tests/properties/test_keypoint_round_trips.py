@@ -15,8 +15,8 @@ from posefuse.io.keypoints import detection_tables, native, openpose, replay, ti
 from posefuse.model.detections import Detections
 from posefuse.preprocess.timeline import uneven_lengths
 from posefuse.skeleton.skeletons import shipped_skeleton
-from tests.laws import examples
-from tests.unit.model.test_detections import ragged
+from tests.example_detections import ragged_detections
+from tests.properties import examples
 
 seeds = st.integers(0, 2**32 - 1)
 names = st.text(st.characters(codec="utf-8", exclude_categories=["Cs", "Cc"]), min_size=1, max_size=8).filter(
@@ -28,7 +28,7 @@ def any_detections(seed: int, frames: int, views: list[str], skeleton: str | Non
     """Return random numbers with gaps, unrecorded frames, and people without any keypoint."""
     rng = np.random.default_rng(seed)
     known = None if skeleton is None else shipped_skeleton(skeleton)
-    given = ragged(rng, frames, len(views), 4 if known is None else len(known))
+    given = ragged_detections(rng, frames, len(views), 4 if known is None else len(known))
     recorded = (given.people_counts > 0) | (rng.random((frames, len(views))) < 0.7)
     recorded[0, 0] = recorded[-1, -1] = True
     shape = np.asarray(given.confidence).shape

@@ -14,7 +14,7 @@ from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Layer, unpack_covariance
 from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.pipeline.reconstruct import reconstruct
-from tests.laws import examples
+from tests.properties import examples
 from tests.scenes import LENSES, body_points, ring, simulate_detections, skeleton_of
 
 seeds = st.integers(0, 2**32 - 1)

@@ -3,8 +3,10 @@
 import os
 import signal
 import time
+from pathlib import Path
 
 from posefuse.model.batch import Job, JobResult, ResultStatistics
+from posefuse.model.options.options import Options
 
 
 def do(job: Job) -> JobResult:
@@ -18,3 +20,7 @@ def do(job: Job) -> JobResult:
     if word == "slow":
         time.sleep(0.5)
     return JobResult(job.name, "done", statistics=ResultStatistics(len(job.name), None, 2, 1, None, None, None, None))
+
+
+def jobs(folder: Path, *names: str) -> list[Job]:
+    return [Job(name, Path(name), folder, None, Options()) for name in names]

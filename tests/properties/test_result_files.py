@@ -16,8 +16,8 @@ from posefuse.io.results.write import person_paths
 from posefuse.model.cameras import LensModel
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.stored_points import StoredPoints, stored_points
-from tests.laws import examples
-from tests.laws.test_round_trips import any_result, any_rig, seeds
+from tests.properties import examples
+from tests.properties.test_round_trips import any_result, any_rig, seeds
 
 # pandas and netCDF truncate strings at the first zero byte; CSV writers end lines with carriage returns.
 names = st.text(st.characters(codec="utf-8", exclude_characters="\x00\r", exclude_categories=["Cs"]), max_size=8)

@@ -27,10 +27,10 @@ from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
 from posefuse.model.status import PointStatus, Source, ViewStatus, is_used
 from posefuse.model.tracks import Tracks
 from posefuse.skeleton.skeletons import shipped_skeleton
+from tests.example_detections import ragged_detections
 from tests.figures import model_layer
-from tests.laws import examples
+from tests.properties import examples
 from tests.scenes import ring, skeleton_of
-from tests.unit.model.test_detections import ragged
 
 seeds = st.integers(0, 2**32 - 1)
 words = st.text(
@@ -113,7 +113,7 @@ def test_reconstructions_are_lossless(seed, cameras, people, frames, up, size):
 @given(seed=seeds, frames=st.integers(1, 8), views=st.integers(1, 4))
 @examples(25)
 def test_detections_are_lossless(seed, frames, views):
-    detections = ragged(np.random.default_rng(seed), frames, views)
+    detections = ragged_detections(np.random.default_rng(seed), frames, views)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "keypoints.nc"
         native.write(detections, path)

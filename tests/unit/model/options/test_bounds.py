@@ -25,7 +25,7 @@ from posefuse.model.options.bounds import (
     without_none,
 )
 from posefuse.model.options.catalog import OptionEntry
-from tests.laws import examples
+from tests.properties import examples
 
 OUTSIDE_MODEL = ("posefuse.synthetic.options", "posefuse.synthetic.crowd_options")
 

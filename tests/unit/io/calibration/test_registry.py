@@ -2,9 +2,7 @@
 
 import json
 import pickle
-import re
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,40 +10,14 @@ import pytest
 
 from posefuse import read_cameras
 from posefuse.errors import FileError, PosefuseError
-from posefuse.io.calibration.projections import decompose_projection
 from posefuse.io.recording import find_recording
-from posefuse.model.cameras import Camera, CameraRig, LensModel
+from posefuse.model.cameras import Camera
 from tests import calibrations
 from tests.broken import broken
-from tests.calibrations import WRITERS
-from tests.scenes import ring
+from tests.calibrations import WRITERS, rig_for
 
 FISHEYE = ("caliscope_new", "opencv_yaml", "acinoset", "scene", "scene_of_poses", "old_scene", "kalibr")
-RENAMED = {
-    "acinoset": "cam{}", "kalibr": "cam{}", "projections": "{}", "caliscope_old": "cam_{}", "caliscope_new": "cam_{}",
-}  # fmt: skip
 UP = {"vicon": "z", "panoptic": "-y", "pose2sim": "z", "qualisys": "z"}
-
-
-def rig_for(name: str, lens: str = "mild") -> CameraRig:
-    """A rig as the format can hold it."""
-    cameras = []
-    first = 1 if name == "acinoset" else 0
-    world = ring(3).cameras[0].camera_from_world if name == "kalibr" else np.eye(4)
-    for i, camera in enumerate(ring(3, lens).cameras):
-        distortion = camera.distortion
-        if camera.lens is LensModel.BROWN and name in ("kalibr", "pose2sim"):
-            distortion = (*distortion[:4], 0.0)
-        if name == "vicon":
-            distortion = (*distortion[:2], 0.0, 0.0, 0.003)
-        pose = camera.camera_from_world @ np.linalg.inv(world)
-        called = RENAMED.get(name, "left_{}").format(i + first)
-        size = (round(2 * camera.matrix[0, 2]), round(2 * camera.matrix[1, 2]))
-        camera = replace(camera, name=called, distortion=distortion, camera_from_world=pose, size_px=size)
-        if name.startswith("projection"):
-            camera = replace(camera, lens=LensModel.PINHOLE, distortion=())
-        cameras.append(camera)
-    return CameraRig(tuple(cameras))
 
 
 @pytest.mark.parametrize(
@@ -76,16 +48,6 @@ def test_one_file_selects_all(tmp_path):
         WRITERS[name](rig_for(name), folder)
         one = min(file for file in folder.rglob("*") if file.is_file())
         assert len(read_cameras(one)) == 3, name
-
-
-def test_vicon_radial_distortion_has_two_or_three_coefficients(tmp_path):
-    path = calibrations.vicon(rig_for("vicon"), tmp_path)
-    text = path.read_text()
-    for given, read in (("VICON_RADIAL2='w 7 8 0.1 -0.2'", (0.1, -0.2, 0.0, 0.0, 0.0)),
-                        ("VICON_RADIAL2='w 7 8 0.1 -0.2 0.3'", (0.1, -0.2, 0.0, 0.0, 0.3)),
-                        ("VICON_RADIAL='0.1 -0.2'", (0.1, -0.2, 0.0, 0.0, 0.0))):  # fmt: skip
-        path.write_text(re.sub('VICON_RADIAL2="[^"]*"', given, text))
-        assert {camera.distortion for camera in read_cameras(path).cameras} == {read}
 
 
 def test_pickled_code_is_not_executed(tmp_path):
@@ -132,46 +94,11 @@ def test_two_endings_are_an_error(tmp_path):
     assert read_cameras(folder / "left_0.mp4-mocAligned.calib").names == ("left_0",)
 
 
-def test_caliscope_leaves_out_ignored_and_unposed_cameras(tmp_path):
-    path = calibrations.caliscope_old(rig_for("caliscope_old"), tmp_path)
-    path.write_text(path.read_text().replace("ignore = false", "ignore = true", 1))
-    found = read_cameras(path)
-    assert found.names == ("cam_1", "cam_2")
-    assert "cam_0" in found.notes[0]
-
-
 def test_an_unknown_extrinsic_format_is_an_error(tmp_path):
     path = calibrations.scene(rig_for("scene"), tmp_path)
     path.write_text(json.dumps(json.loads(path.read_text()) | {"extrinsic_format": "opencv"}))
     with pytest.raises(FileError, match=r"extrinsic_format is 'opencv'. Choose one of: opencv_world_to_camera"):
         read_cameras(path)
-
-
-def test_averaged_rotation_vectors_give_a_note(tmp_path):
-    path = calibrations.parameter_table(rig_for("parameter_table"), tmp_path)
-    assert "biased" in read_cameras(path).notes[0]
-
-
-def test_unsupported_kalibr_model_error_lists_the_supported_ones(tmp_path):
-    path = calibrations.kalibr(rig_for("kalibr"), tmp_path)
-    path.write_text(path.read_text().replace("pinhole", "omni", 1))
-    with pytest.raises(FileError, match="cam0: camera model 'omni'"):
-        read_cameras(path)
-
-
-@pytest.mark.parametrize("factor", [1.0, -1.0, 1e-3, -250.0])
-def test_projection_is_decomposed_at_any_scale(factor):
-    camera = ring(3).cameras[1]
-    projection = factor * camera.matrix @ camera.camera_from_world[:3]
-    matrix, rotation, translation = decompose_projection(projection, "here")
-    np.testing.assert_allclose(matrix, camera.matrix, atol=1e-8)
-    np.testing.assert_allclose(rotation, camera.rotation, atol=1e-12)
-    np.testing.assert_allclose(translation, camera.translation_m, atol=1e-10)
-
-
-def test_invalid_projection_is_an_error():
-    with pytest.raises(FileError, match="is not a projection matrix"):
-        decompose_projection(np.zeros((3, 4)), "here")
 
 
 def read_broken(name: str, folder: Path, cases: int) -> int:
