@@ -1,4 +1,4 @@
-"""Detections: ragged_detections columns, ranges, views, skeletons, and what they refuse."""
+"""Detections: ragged columns, ranges, views, skeletons, and what they refuse."""
 
 from dataclasses import replace
 
