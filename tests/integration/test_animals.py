@@ -30,7 +30,7 @@ def scene() -> CrowdScene:
     return renamed(made, Skeleton("own", tuple(OF)), OF)
 
 
-def test_the_pages_skeleton_is_the_benchmarks() -> None:
+def test_skeleton_of_the_documentation_equals_that_of_the_benchmark() -> None:
     (text,) = re.findall(r"(?s)```toml\n(.*?)```", PAGE)
     ours, theirs = parse_skeleton(text, "my_mouse.toml"), parse_skeleton(OWN_TOML, "my_mouse.toml")
     assert (ours.keypoints, ours.edges, ours.pairs) == (theirs.keypoints, theirs.edges, theirs.pairs)
@@ -40,7 +40,7 @@ def test_the_pages_skeleton_is_the_benchmarks() -> None:
 
 
 @pytest.mark.parametrize("which", [0, 1], ids=["without a skeleton", "with one"])
-def test_the_pages_commands_follow_two_mice(
+def test_documented_commands_track_two_mice(
     which: int, scene: CrowdScene, run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -60,7 +60,7 @@ def test_the_pages_commands_follow_two_mice(
     assert scores["median_mm"] < 8.0
 
 
-def test_a_gate_can_be_given(scene: CrowdScene, run, tmp_path: Path) -> None:
+def test_evaluation_accepts_a_gate(scene: CrowdScene, run, tmp_path: Path) -> None:
     posefuse.write(scene.truth, tmp_path / "reconstruction.nc")
     code, _, warned = run("evaluate", tmp_path, tmp_path / "reconstruction.nc", "--gate-m", "0.02", "--gate-m", "0.01")
     assert code == 0, warned
@@ -68,7 +68,7 @@ def test_a_gate_can_be_given(scene: CrowdScene, run, tmp_path: Path) -> None:
     assert [each["gate_m"] for each in scores["clear"]] == [0.02, 0.01]
 
 
-def test_the_truth_is_perfect_at_any_size(scene: CrowdScene) -> None:
+def test_truth_has_perfect_scores_at_any_size(scene: CrowdScene) -> None:
     from posefuse.evaluation.paired_results import people_points
 
     found = posefuse.score_people(people_points(scene.truth, scene.truth))

@@ -96,7 +96,7 @@ def check_batch(run, tmp_path: Path, n: int, broken: dict[int, str], seconds: fl
     return output
 
 
-def test_eight_recordings_of_which_three_are_broken(run, tmp_path):
+def test_batch_completes_despite_three_broken_recordings(run, tmp_path):
     output = check_batch(run, tmp_path, 8, {2: "no calibration", 5: "cut short", 6: "other cameras"})
     page, table = (output / "batch.html").read_bytes(), (output / "batch.csv").read_bytes()
     result = (output / "rec_001" / "reconstruction.nc").read_bytes()
@@ -112,7 +112,7 @@ def test_eight_recordings_of_which_three_are_broken(run, tmp_path):
     assert (output / "batch.csv").read_bytes() != table
 
 
-def test_an_interrupted_batch_resumes_within_a_recording(tmp_path, monkeypatch):
+def test_interrupted_batch_resumes_within_a_recording(tmp_path, monkeypatch):
     """Of 30 frames in chunks of 10, the third is not finished."""
     (folder,) = recordings(tmp_path / "recs", 1, {}, 1.0)
     options = Options(chunk_frames=10, solve="frame", pairs="labels")
@@ -148,7 +148,7 @@ def test_an_interrupted_batch_resumes_within_a_recording(tmp_path, monkeypatch):
     assert out == whole
 
 
-def test_a_result_is_made_anew_when_timestamps_change(run, tmp_path):
+def test_result_is_recomputed_if_timestamps_change(run, tmp_path):
     """They say when frames were, and lie beside what is read."""
     scene = simulate(SceneOptions(duration_s=1.0, cameras=3))
     folder = tmp_path / "recs" / "a"
@@ -166,7 +166,7 @@ def test_a_result_is_made_anew_when_timestamps_change(run, tmp_path):
     assert "1 kept" in run(*command)[1]
 
 
-def test_what_changes_while_it_is_read_is_done_anew(tmp_path, monkeypatch):
+def test_recording_that_changes_while_it_is_read_is_recomputed(tmp_path, monkeypatch):
     (folder,) = recordings(tmp_path / "recs", 1, {}, 0.5)
     (job,) = jobs_of([folder], tmp_path / "out", None, Options(people="one"))
     calibration, reconstruct = folder / "calibration.toml", work.reconstruct_recording
@@ -187,7 +187,7 @@ def test_what_changes_while_it_is_read_is_done_anew(tmp_path, monkeypatch):
     assert run_job(job).state == "kept"
 
 
-def test_an_interrupted_batch_says_what_is_done(run, tmp_path, monkeypatch):
+def test_interrupted_batch_reports_completed_recordings(run, tmp_path, monkeypatch):
     folders = recordings(tmp_path / "recs", 2, {}, 0.5)
 
     def outcomes(todo: list[Job], *_: object) -> Iterator[JobResult]:
@@ -205,7 +205,7 @@ def test_an_interrupted_batch_says_what_is_done(run, tmp_path, monkeypatch):
     assert "1 done, 1 kept" in run(*command)[1]
 
 
-def test_two_batches_do_not_write_into_one_folder(run, tmp_path):
+def test_two_batches_do_not_write_to_one_folder(run, tmp_path):
     folders = recordings(tmp_path / "recs", 1, {}, 0.5)
     (tmp_path / "out").mkdir()
     with exclusive_folder(tmp_path / "out", tmp_path / "out"):
@@ -214,7 +214,7 @@ def test_two_batches_do_not_write_into_one_folder(run, tmp_path):
 
 
 @pytest.mark.long
-def test_two_hundred_recordings_of_which_five_are_broken(run, tmp_path):
+def test_batch_of_two_hundred_completes_despite_five_broken_recordings(run, tmp_path):
     output = check_batch(run, tmp_path, 200, dict(zip((3, 50, 51, 120, 199), BREAK, strict=True)), 2.0)
     before = {path.relative_to(output): path.read_bytes() for path in output.rglob("*") if path.is_file()}
     for name in ("rec_000", "rec_100", "rec_198"):
@@ -226,7 +226,7 @@ def test_two_hundred_recordings_of_which_five_are_broken(run, tmp_path):
 
 
 @pytest.mark.long
-def test_on_a_cluster_of_which_a_worker_dies_results_are_the_same(run, tmp_path, monkeypatch):
+def test_cluster_gives_the_same_results_if_a_worker_dies(run, tmp_path, monkeypatch):
     distributed = pytest.importorskip("distributed", reason="Dask is not installed (extra cluster)")
     folders = recordings(tmp_path / "recs", 6, {1: "cut short"})
     assert run("batch", *folders, "-o", tmp_path / "here", "--jobs", "1", *FAST)[0] == 1
@@ -257,7 +257,7 @@ def test_on_a_cluster_of_which_a_worker_dies_results_are_the_same(run, tmp_path,
 
 
 @pytest.mark.long
-def test_a_long_recording_is_divided_and_a_worker_that_dies_changes_nothing(run, tmp_path, monkeypatch):
+def test_divided_recording_gives_the_same_result_if_a_worker_dies(run, tmp_path, monkeypatch):
     distributed = pytest.importorskip("distributed", reason="Dask is not installed (extra cluster)")
     folders = recordings(tmp_path / "recs", 2, {})
     long = tmp_path / "recs" / "long"
@@ -319,7 +319,7 @@ def test_a_long_recording_is_divided_and_a_worker_that_dies_changes_nothing(run,
         (("x", "--calibration", "nowhere.toml"), 1, "No calibration at nowhere.toml"),
     ],
 )
-def test_wrong_calls_are_answered(run, tmp_path, more, code, said):
+def test_invalid_arguments_are_reported(run, tmp_path, more, code, said):
     found = run("batch", *more, "-o", tmp_path / "out")
     assert (found[0], found[1]) == (code, "")
     assert said in found[2]

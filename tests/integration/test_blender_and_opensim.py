@@ -45,7 +45,7 @@ class TestBlender:
 
     @pytest.mark.parametrize("name", ["body_20", "coco_wholebody_133", "mouse_22"])
     @pytest.mark.parametrize("form", ["bvh", "glb", "gltf"])
-    def test_joints_are_where_the_model_layer_has_them_in_blenders_own_axes(self, bpy, form, name, tmp_path):
+    def test_joints_in_blender_match_the_model_layer(self, bpy, form, name, tmp_path):
         result = posed(name)
         path = tmp_path / f"a.{form}"
         if form == "bvh":
@@ -88,7 +88,7 @@ class TestOpenSim:
         model.finalizeConnections()
         return model
 
-    def test_tables_and_markers_are_read(self, osim, tmp_path):
+    def test_opensim_reads_tables_and_markers(self, osim, tmp_path):
         result = posed("halpe_26", away=(slice(0, 3), slice(20, 22)))
         opensim.write(result, result.person_ids, tmp_path / "o", "model")
         table = osim.TimeSeriesTableVec3(str(tmp_path / "o" / "person_1.trc"))

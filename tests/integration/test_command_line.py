@@ -22,7 +22,7 @@ OUTPUTS = [
 ]  # fmt: skip
 
 
-def test_from_files_to_people(run, recording, tmp_path):
+def test_reconstruct_writes_a_result_of_files(run, recording, tmp_path):
     out = tmp_path / "out"
     code, said, _ = run("reconstruct", recording, "--output", out, "--solve", "trajectory")
     assert code == 0
@@ -40,7 +40,7 @@ def test_from_files_to_people(run, recording, tmp_path):
     assert [line for line in said.splitlines() if len(line) > 80 and str(tmp_path) not in line] == []
 
 
-def test_the_same_input_gives_the_same_bytes(run, recording, tmp_path):
+def test_same_input_gives_the_same_bytes(run, recording, tmp_path):
     for name in ("one", "two"):
         assert run("reconstruct", recording, "-o", tmp_path / name, "--solve", "trajectory")[0] == 0
     for output in OUTPUTS:
@@ -56,7 +56,7 @@ def test_running_again_replaces_the_result(run, recording, tmp_path):
     assert posefuse.read_reconstruction(out / "reconstruction.nc").n_frames == 15
 
 
-def test_evaluate_against_a_trc(run, recording, tmp_path):
+def test_evaluate_accepts_a_trc_as_truth(run, recording, tmp_path):
     out = tmp_path / "out"
     run("reconstruct", recording, "-o", out)
     posefuse.write(posefuse.read_reconstruction(tmp_path / "truth.nc"), tmp_path / "truth.trc")
@@ -69,7 +69,7 @@ def test_evaluate_against_a_trc(run, recording, tmp_path):
     assert from_trc["mpjpe_mm"] == pytest.approx(from_nc["mpjpe_mm"], abs=1e-3)
 
 
-def test_options_from_a_file_and_a_flag_that_beats_it(run, recording, tmp_path):
+def test_flag_overrides_the_options_file(run, recording, tmp_path):
     path = tmp_path / "options.toml"
     path.write_text("end_s = 0.5\n[triangulation]\nmin_views = 4\n")
     assert run("--options", path, "reconstruct", recording, "-o", tmp_path / "a")[0] == 0
@@ -83,7 +83,7 @@ def test_options_from_a_file_and_a_flag_that_beats_it(run, recording, tmp_path):
     assert posefuse.read_reconstruction(tmp_path / "c" / "reconstruction.nc").n_frames == 15
 
 
-def test_choosing_cameras(run, recording, tmp_path):
+def test_cameras_can_be_selected(run, recording, tmp_path):
     assert run("reconstruct", recording, "-o", tmp_path / "a", "--cameras", "cam_3", "cam_0", "cam_1")[0] == 0
     assert posefuse.read_reconstruction(tmp_path / "a" / "reconstruction.nc").rig.names == ("cam_3", "cam_0", "cam_1")
     assert run("reconstruct", recording, "-o", tmp_path / "b", "--exclude-camera", "cam_2")[0] == 0
@@ -146,19 +146,19 @@ def test_inspect(run, recording, tmp_path, clean_scene):
     assert code == 0
 
 
-def test_lists(run):
+def test_formats_and_methods_are_listed(run):
     assert "consensus (default)" in run("methods")[1]
     assert "openpose (read and written)" in run("formats")[1]
 
 
-def test_a_flag_may_have_a_value_with_a_hyphen(run, recording, tmp_path):
+def test_flag_value_may_start_with_a_hyphen(run, recording, tmp_path):
     code, _, said = run("reconstruct", recording, "-o", tmp_path / "o", "--up", "-y")
     assert code == 0
     assert "or up is not -y" in " ".join(said.split())  # which it is not
     assert posefuse.read_reconstruction(tmp_path / "o" / "reconstruction.nc").rig.up_axis == "-y"
 
 
-def test_a_reader_who_leaves_early_does_not_cost_the_result(recording, tmp_path):
+def test_closed_output_pipe_does_not_lose_the_result(recording, tmp_path):
     code = "import sys; from posefuse.cli.main import main; main(sys.argv[1:])"
     command = (
         f'"{sys.executable}" -c "{code}" reconstruct "{recording}" -o "{tmp_path / "o"}" --solve trajectory | true'
@@ -167,7 +167,7 @@ def test_a_reader_who_leaves_early_does_not_cost_the_result(recording, tmp_path)
     assert sorted(entry.name for entry in (tmp_path / "o").iterdir()) == OUTPUTS
 
 
-def test_one_camera_is_said_to_be_one(run, recording, tmp_path):
+def test_single_camera_result_is_labeled(run, recording, tmp_path):
     code, said, _ = run("reconstruct", recording, "-o", tmp_path / "o", "--cameras", "cam_1")
     assert code == 0
     assert "1 camera," in said
@@ -181,14 +181,14 @@ def test_one_camera_is_said_to_be_one(run, recording, tmp_path):
     np.testing.assert_allclose(points, layer.points_m[:, 0], atol=1e-5)
 
 
-def test_views_given_other_cameras_are_noticed(run, recording, tmp_path):
+def test_views_matched_to_wrong_cameras_are_reported(run, recording, tmp_path):
     order = ["cam_1", "cam_0", "cam_2", "cam_3"]
     code, _, said = run("reconstruct", recording, "-o", tmp_path / "o", "--camera-order", *order)
     assert code == 0
     assert "The views do not agree" in said
 
 
-def test_the_place_of_a_skeleton_file_is_not_written(run, recording, tmp_path):
+def test_path_of_a_skeleton_file_is_not_stored(run, recording, tmp_path):
     from posefuse.skeleton.skeletons import find_skeleton
 
     names = find_skeleton("halpe_26").keypoints
@@ -214,10 +214,10 @@ class TestBadInput:
 
         return check
 
-    def test_wrong_folder(self, refused, tmp_path):
+    def test_missing_folder(self, refused, tmp_path):
         refused("reconstruct", tmp_path / "nowhere", "-o", tmp_path / "o", words=["No recording at", "nowhere"])
 
-    def test_places_that_cannot_be_written(self, refused, recording, tmp_path):
+    def test_unwritable_output(self, refused, recording, tmp_path):
         (tmp_path / "file").write_text("mine")
         (tmp_path / "folder").mkdir()
         for place in (tmp_path / "file" / "x", tmp_path / "file"):
@@ -285,7 +285,7 @@ class TestBadInput:
         arguments = ["-o", tmp_path / "o", "--calibration", path]
         refused("reconstruct", recording, *arguments, words=words)
 
-    def test_a_matrix_that_is_no_rotation(self, refused, recording, tmp_path, clean_scene):
+    def test_invalid_rotation_matrix(self, refused, recording, tmp_path, clean_scene):
         text = anipose_toml(clean_scene.rig)
         line = next(line for line in text.splitlines() if line.startswith("rotation"))
         (recording / "calibration.toml").write_text(text.replace(line, "rotation = [[2, 0, 0], [0, 1, 0], [0, 0, 1]]"))
@@ -301,14 +301,14 @@ class TestBadInput:
         words = ["View 'cam_2_json' shows 2 people in frame 7", "--pick largest"]
         refused("reconstruct", recording, "-o", tmp_path / "o", "--people", "one", "--rate-hz", "30", words=words)
 
-    def test_a_skeleton_of_other_keypoints(self, refused, recording, tmp_path, clean_scene):
+    def test_skeleton_with_other_keypoints(self, refused, recording, tmp_path, clean_scene):
         (recording / "keypoints.nc").unlink()
         write_openpose(recording / "pose", clean_scene.detections)
         arguments = ["--rate-hz", "30", "--skeleton", "coco_17"]
         words = ["has 26 keypoints per person, skeleton coco_17 has 17"]
         refused("reconstruct", recording, "-o", tmp_path / "o", *arguments, words=words)
 
-    def test_an_output_that_is_something_else(self, refused, recording, tmp_path):
+    def test_output_that_is_not_a_result(self, refused, recording, tmp_path):
         refused("reconstruct", recording, "-o", recording, words=["already contains other files", "empty folder"])
 
     @pytest.mark.parametrize(
@@ -326,7 +326,7 @@ class TestBadInput:
     def test_wrong_flags(self, arguments, words, refused, recording, tmp_path):
         refused("reconstruct", recording, "-o", tmp_path / "o", *arguments, words=words, code=2)
 
-    def test_wrong_keys_in_a_file(self, refused, recording, tmp_path):
+    def test_unknown_keys_in_the_options_file(self, refused, recording, tmp_path):
         path = tmp_path / "options.toml"
         path.write_text("[triangulation]\nmin_vews = 3\n")
         words = ["options.toml: unknown option 'triangulation.min_vews'", "Did you mean 'triangulation.min_views'"]
@@ -373,7 +373,7 @@ def test_help_starts_no_compiler(arguments, tmp_path):
     assert all(len(line) <= 80 for line in found.splitlines())
 
 
-def test_every_public_name_is_there():
+def test_every_public_name_exists():
     for name in dir(posefuse):
         assert getattr(posefuse, name) is not None
     with pytest.raises(AttributeError, match="no attribute 'recontruct'"):

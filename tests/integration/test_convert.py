@@ -18,7 +18,7 @@ def records(tmp_path):
     return WRITERS["payload_lines"](SCENE.detections, tmp_path / "in")
 
 
-def test_records_become_replays_of_body_20(records, tmp_path, capsys):
+def test_records_are_converted_to_replays_of_body_20(records, tmp_path, capsys):
     out = tmp_path / "replay.jsonl"
     main(["convert", str(records), str(out), "--onto", "body_20"])
     found = read_detections(out)
@@ -31,7 +31,7 @@ def test_records_become_replays_of_body_20(records, tmp_path, capsys):
     assert all(len(line) <= 80 for line in said.splitlines() if "/" not in line)
 
 
-def test_there_and_back_by_way_of_every_written_format(records, tmp_path):
+def test_every_written_format_converts_back(records, tmp_path):
     before = tmp_path / "start.nc"
     main(["convert", str(records), str(before)])
     places = [("a.csv", None), ("b.parquet", None), ("c.jsonl", None), ("d", "detection_tables"), ("e.nc", None)]
@@ -61,7 +61,7 @@ def test_calibrations(tmp_path):
         ("x.csv", ["--onto", "fly_38"], 2, "none of its keypoints can be derived"),
     ],
 )
-def test_wrong_calls_say_what_to_do_and_write_nothing(records, tmp_path, capsys, output, flags, code, said):
+def test_invalid_arguments_have_a_remedy_and_write_nothing(records, tmp_path, capsys, output, flags, code, said):
     before = records.read_bytes()
     with pytest.raises(SystemExit) as stopped:
         main(["convert", str(records), str(tmp_path / output), *flags])

@@ -24,7 +24,7 @@ def files(tmp_path):
     return tmp_path
 
 
-def test_a_table_and_numbers(run, files, monkeypatch):
+def test_evaluate_prints_a_table_and_writes_numbers(run, files, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     code, said, warned = run("evaluate", files, files / "truth.nc", "--head-rule", "campus", "--entry-s", "0.2")
     assert (code, warned) == (0, "")
@@ -40,7 +40,7 @@ def test_a_table_and_numbers(run, files, monkeypatch):
     assert numbers["nees"]["mean"] == pytest.approx(3, rel=0.1)
 
 
-def test_numbers_that_cannot_be_had(run, files):
+def test_unavailable_scores_have_a_reason(run, files):
     truth = posefuse.read_reconstruction(files / "truth.nc")
     away = replace(truth.layers["measured"], points_m=np.asarray(truth.layers["measured"].points_m[:]) + 90.0)
     posefuse.write(replace(truth, layers={"measured": away}), files / "away.nc")
@@ -53,7 +53,7 @@ def test_numbers_that_cannot_be_had(run, files):
 
 
 @pytest.mark.parametrize("ending", ["trc", "c3d"])
-def test_one_file_a_person(ending, run, files):
+def test_evaluate_accepts_one_file_per_person(ending, run, files):
     truth = posefuse.read_reconstruction(files / "truth.nc")
     for p, name in enumerate(("anna", "otto")):
         layer = truth.layers["measured"]

@@ -26,7 +26,7 @@ LAYOUTS = {
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_a_layout_is_found_and_its_views_match_cameras(layout, tmp_path, capsys):
+def test_folder_layout_is_recognized_and_views_match_cameras(layout, tmp_path, capsys):
     layout(tmp_path)
     found = find_recording(tmp_path)
     assert (found.calibrations[0].format, found.keypoints[0].format) == LAYOUTS[layout]
@@ -40,7 +40,7 @@ def test_a_layout_is_found_and_its_views_match_cameras(layout, tmp_path, capsys)
     assert "cannot be read" not in said
 
 
-def test_times_of_freemocap_are_found_and_start_at_zero(tmp_path, capsys):
+def test_freemocap_times_start_at_zero(tmp_path, capsys):
     freemocap(tmp_path)
     main(["inspect", str(tmp_path)])
     said = " ".join(capsys.readouterr().out.split())

@@ -80,7 +80,7 @@ def uninterrupted(two_people, tmp_path_factory) -> Path:
     return output
 
 
-def test_an_interruption_leaves_a_partial_result_and_the_parts(run, recording, tmp_path, monkeypatch):
+def test_interruption_leaves_a_partial_result_and_the_parts(run, recording, tmp_path, monkeypatch):
     """Of 30 frames in chunks of 10; the third is interrupted."""
     put = CheckpointFolder.save
 
@@ -109,7 +109,7 @@ def test_an_interruption_leaves_a_partial_result_and_the_parts(run, recording, t
     assert not (tmp_path / "out" / CHECKPOINT_FOLDER).exists()
 
 
-def test_an_interruption_while_files_are_written_resumes_from_the_reconstruction(run, recording, tmp_path, monkeypatch):
+def test_interruption_while_files_are_written_resumes_from_the_reconstruction(run, recording, tmp_path, monkeypatch):
     command = ("reconstruct", recording, "--chunk-frames", 10, "--triangulation.min-views", 9, "-o")
     code, _, warned = run(*command, tmp_path / "whole")
     assert code == 0
@@ -133,7 +133,7 @@ def test_an_interruption_while_files_are_written_resumes_from_the_reconstruction
 
 
 @pytest.mark.long
-def test_a_killed_recording_goes_on_to_the_same_bytes(run, two_people, uninterrupted, tmp_path):
+def test_killed_run_resumes_to_the_same_bytes(run, two_people, uninterrupted, tmp_path):
     output = tmp_path / "out"
     stop_when(
         start(two_people, output, 20), output / CHECKPOINT_FOLDER / "frames_60" / "measured_000001.part", signal.SIGKILL
@@ -148,7 +148,7 @@ def test_a_killed_recording_goes_on_to_the_same_bytes(run, two_people, uninterru
 
 
 @pytest.mark.long
-def test_an_interrupted_recording_leaves_a_result_that_says_so(run, tmp_path):
+def test_interrupted_run_leaves_a_result_marked_partial(run, tmp_path):
     recording = write(tmp_path / "recording", 12.0)
     # All frames may be followed before the signal comes: then there is nothing partial about what is made of them.
     for attempt in range(10):
@@ -169,7 +169,7 @@ def test_an_interrupted_recording_leaves_a_result_that_says_so(run, tmp_path):
 
 
 @pytest.mark.long
-def test_parts_of_other_input_are_not_used(run, uninterrupted, two_people, tmp_path):
+def test_checkpoints_of_other_input_are_not_used(run, uninterrupted, two_people, tmp_path):
     other, output = write(tmp_path / "recording", 2.4, seed=1), tmp_path / "out"
     stop_when(start(other, output, 20), output / CHECKPOINT_FOLDER / "tracking.part", signal.SIGKILL)
     code, said, _ = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
@@ -201,7 +201,7 @@ def ended_at(n: int, after: bool, recording: Path, output: Path) -> int:
 
 @pytest.mark.long
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs processes that are copies of this one")
-def test_ended_whenever_a_file_takes_its_place(run, two_people, uninterrupted, tmp_path):
+def test_run_killed_while_files_are_moved_resumes(run, two_people, uninterrupted, tmp_path):
     """Interrupt before or after each rename: of parts, of result files, and of files moved to the output folder."""
     n, output = 1, tmp_path / "out"
     while ended_at(n, n % 2 == 0, two_people, output) == 9:
@@ -213,7 +213,7 @@ def test_ended_whenever_a_file_takes_its_place(run, two_people, uninterrupted, t
 
 
 @pytest.mark.long
-def test_twenty_kills_of_five_minutes(tmp_path):
+def test_run_killed_twenty_times_resumes_to_the_same_bytes(tmp_path):
     """At any moment: while people are followed, chunks are made, or files are written."""
     recording = write(tmp_path / "recording", 300.0)
     whole, output = tmp_path / "whole", tmp_path / "out"
@@ -238,7 +238,7 @@ def test_twenty_kills_of_five_minutes(tmp_path):
 
 
 @pytest.mark.long
-def test_the_run_that_compiles_the_kernels_gives_the_bytes_of_those_that_load_them(tmp_path, monkeypatch):
+def test_compiled_and_cached_kernels_give_the_same_bytes(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
     recording = write(tmp_path / "recording", seconds=3.0)
     written = []

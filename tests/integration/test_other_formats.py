@@ -8,7 +8,7 @@ from posefuse.cli.convert_result import convert_result
 from posefuse.errors import FileError, ResultError
 
 
-def test_formats_beside_a_result(run, recording, tmp_path, capsys):
+def test_other_formats_are_written_beside_a_result(run, recording, tmp_path, capsys):
     wanted = ["parquet", "anipose", "deeplabcut", "sleap", "movement", "npz", "freemocap"]
     code, out, _ = run("reconstruct", recording, "--output", tmp_path / "out", "--also", *wanted)
     assert code == 0
@@ -46,7 +46,7 @@ def test_formats_beside_a_result(run, recording, tmp_path, capsys):
     assert not (tmp_path / "y.parquet").exists()
 
 
-def test_a_format_that_is_not(run, recording, tmp_path):
+def test_unknown_format_is_refused(run, recording, tmp_path):
     code, _, err = run("reconstruct", recording, "--output", tmp_path / "out", "--also", "parket")
     assert code == 2
     assert "--also parket: there is no additional format of this name. Did you mean 'parquet'?" in " ".join(err.split())

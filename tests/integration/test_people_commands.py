@@ -60,7 +60,7 @@ def test_edit(run, folder):
     assert str(folder).encode() not in (out / "reconstruction.nc").read_bytes()
 
 
-def test_edits_that_cannot_be_done_leave_nothing_behind(run, folder):
+def test_failed_edits_leave_no_files(run, folder):
     (folder / "edits.toml").write_text(EDITS.replace("person_2", "person_22"))
     before = sorted(folder.rglob("*"))
     code, _, said = run("edit", folder / "result", folder / "edits.toml")
@@ -72,7 +72,7 @@ def test_edits_that_cannot_be_done_leave_nothing_behind(run, folder):
     assert "is the result itself" in said
 
 
-def test_edits_are_done_again_by_reconstruct(run, recording, tmp_path):
+def test_reconstruct_repeats_the_edits(run, recording, tmp_path):
     (tmp_path / "edits.toml").write_text('[[edit]]\ndo = "rename"\nperson = "person_1"\nto = "anna"\n')
     assert run("reconstruct", recording, "-o", tmp_path / "plain")[0] == 0
     assert run("edit", tmp_path / "plain", tmp_path / "edits.toml", "-o", tmp_path / "edited")[0] == 0
@@ -101,7 +101,7 @@ def test_explain(run, folder):
     assert "frames 0 to 24" in said
 
 
-def test_explain_notices_other_keypoints(run, folder):
+def test_explain_refuses_other_keypoints(run, folder):
     path = folder / "result" / "reconstruction.nc"
     known = posefuse.read_reconstruction(path)
     known = replace(known, provenance=replace(known.provenance, inputs={"keypoints.nc": "0" * 64}))
@@ -111,7 +111,7 @@ def test_explain_notices_other_keypoints(run, folder):
     assert "keypoints.nc has changed since the result was written" in said
 
 
-def test_edits_that_leave_nobody(run, folder, monkeypatch):
+def test_edits_may_drop_all_people(run, folder, monkeypatch):
     """No file of a person who is in no frame, no number of nothing, and all lines fit."""
     monkeypatch.setenv("COLUMNS", "80")
     (folder / "edits.toml").write_text('[[edit]]\ndo = "drop"\nto_frame = 24\n')
@@ -125,7 +125,7 @@ def test_edits_that_leave_nobody(run, folder, monkeypatch):
     assert all(len(line) <= 80 for line in said.splitlines() if not line.startswith("to /"))
 
 
-def test_a_report_of_many_with_their_truth(run, folder):
+def test_report_of_several_people_with_truth(run, folder):
     posefuse.write(crowd(people=10, seconds=1.0).truth, folder / "truth.nc")
     code, _, wrong = run("report", folder / "result", "--truth", folder / "truth.nc", "-o", folder / "r.html")
     assert (code, wrong) == (0, "")
@@ -135,7 +135,7 @@ def test_a_report_of_many_with_their_truth(run, folder):
     assert "<th>IDF1</th>" in page
 
 
-def test_a_result_by_its_own_account(run, folder, monkeypatch):
+def test_result_without_truth_is_evaluated_by_self_consistency(run, folder, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     code, said, wrong = run("evaluate", folder / "result")
     assert (code, wrong) == (0, "")

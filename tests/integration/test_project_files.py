@@ -30,7 +30,7 @@ def test_flags_override_a_project_file(run, recording, tmp_path):
     assert "4 views match 4 cameras" in said
 
 
-def test_a_file_of_every_option_runs_too(run, recording, tmp_path):
+def test_project_file_with_every_option_runs(run, recording, tmp_path):
     assert run("init", tmp_path / "all.toml", "--all")[0] == 0
     code, _, said = run("reconstruct", recording, "-o", tmp_path / "o", "--options", tmp_path / "all.toml")
     assert code == 0, said

@@ -44,7 +44,7 @@ def turned_recording(tmp_path, truth, rng) -> Path:
     return folder
 
 
-def test_a_turned_camera_is_corrected_and_the_input_is_kept(run, turned_recording, truth, tmp_path):
+def test_turned_camera_is_corrected_and_the_input_is_kept(run, turned_recording, truth, tmp_path):
     before = (turned_recording / "Calib.toml").read_bytes()
     refined = tmp_path / "refined.toml"
     code, out, err = run("refine-calibration", turned_recording, "--output", refined, "--people", "one")
@@ -57,7 +57,7 @@ def test_a_turned_camera_is_corrected_and_the_input_is_kept(run, turned_recordin
     assert "SHA-256" in rig.notes[0]
 
 
-def test_the_calibration_that_is_read_is_not_written_over(run, turned_recording):
+def test_input_calibration_is_not_overwritten(run, turned_recording):
     place = turned_recording / "Calib.toml"
     before = place.read_bytes()
     code, _, err = run("refine-calibration", turned_recording, "--output", place)
@@ -66,7 +66,7 @@ def test_the_calibration_that_is_read_is_not_written_over(run, turned_recording)
     assert place.read_bytes() == before
 
 
-def test_what_cannot_be_told_is_refused_and_nothing_is_written(run, turned_recording, tmp_path):
+def test_unknown_fixed_camera_is_an_error_and_nothing_is_written(run, turned_recording, tmp_path):
     refined = tmp_path / "refined.toml"
     code, _, err = run("refine-calibration", turned_recording, "--output", refined, "--fix", "cam_7")
     assert code != 0

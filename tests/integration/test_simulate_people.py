@@ -5,7 +5,7 @@ import numpy as np
 import posefuse
 
 
-def test_what_is_written_is_what_was_simulated(run, tmp_path):
+def test_simulated_files_are_read_back(run, tmp_path):
     folder = tmp_path / "scene"
     flags = ["--scenario", "bumped", "--duration-s", "12", "--people", "2", "--seed", "3", "--faults.track-ids"]
     code, said, _ = run("simulate-people", folder, *flags)
@@ -22,7 +22,7 @@ def test_what_is_written_is_what_was_simulated(run, tmp_path):
     assert (np.asarray(posefuse.read_detections(folder / "keypoints.nc").track_ids[:]) >= 0).all()
 
 
-def test_impossible_scenes_are_refused(run, tmp_path):
+def test_invalid_scenes_are_refused(run, tmp_path):
     code, _, said = run("simulate-people", tmp_path / "scene", "--scenario", "hug", "--people", "3")
     assert code == 2
     assert "Scenario hug has 2 people, got 3" in said

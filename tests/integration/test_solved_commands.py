@@ -31,7 +31,7 @@ def holed(recording):
     return recording
 
 
-def test_each_frame_filled_and_smoothed_says_so_everywhere(run, holed, tmp_path):
+def test_postprocessing_is_recorded_in_all_outputs(run, holed, tmp_path):
     out = tmp_path / "out"
     flags = ["--solve", "frame", "--postprocess.fill", "pchip", "--postprocess.smooth", "hampel", "butterworth"]
     code, said, _ = run("reconstruct", holed, "-o", out, *SHORT, *flags)
@@ -59,7 +59,7 @@ def test_each_frame_filled_and_smoothed_says_so_everywhere(run, holed, tmp_path)
     assert all(len(line) <= 80 for line in said.splitlines())
 
 
-def test_the_world_laid_anew_is_evaluated_in_the_old_one(run, recording, tmp_path):
+def test_aligned_result_is_evaluated_in_the_calibrated_world(run, recording, tmp_path):
     out = tmp_path / "out"
     flags = ["--solve", "frame", "--align", "floor", "--align.preset", "opensim", "--align.origin", "subject"]
     code, said, _ = run("reconstruct", recording, "-o", out, *flags)
@@ -78,7 +78,7 @@ def test_the_world_laid_anew_is_evaluated_in_the_old_one(run, recording, tmp_pat
     assert float(median.split()[1]) < 10
 
 
-def test_a_world_of_another_size_is_evaluated_and_compared_in_the_calibrations(run, recording, tmp_path):
+def test_scaled_result_is_evaluated_at_the_calibrated_scale(run, recording, tmp_path):
     """The subject is said to be half as tall: errors are still those in the calibration's meters."""
     medians, tables = [], []
     for name, flags in (("plain", []), ("small", ["--align", "floor", "--align.height-m", "0.9"])):
@@ -102,7 +102,7 @@ def test_a_world_of_another_size_is_evaluated_and_compared_in_the_calibrations(r
     assert float(tables[0][0]["median_error_against_truth_mm"]) == pytest.approx(medians[0], rel=0.05)
 
 
-def test_tables_of_the_body(run, recording, tmp_path):
+def test_body_tables_are_written(run, recording, tmp_path):
     out = tmp_path / "out"
     flags = ["--solve", "frame", "--postprocess.smooth", "butterworth", "--subject.mass-table", "winter"]
     code, said, _ = run("reconstruct", recording, "-o", out, *SHORT, *flags, "--subject.mass-kg", "70")
@@ -123,7 +123,7 @@ def test_tables_of_the_body(run, recording, tmp_path):
     assert 0 <= min(knees) <= max(knees) < 120
 
 
-def test_bad_wishes(run, recording, tmp_path):
+def test_invalid_requests_are_reported(run, recording, tmp_path):
     code, _, said = run("reconstruct", recording, "-o", tmp_path / "o", "--postprocess.butterworth.cutoff-hz", "20",
                         "--postprocess.smooth", "butterworth")  # fmt: skip
     assert code == 2

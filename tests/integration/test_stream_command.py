@@ -50,7 +50,7 @@ def stream(folder: Path, *more: str) -> list[str]:
     return [*COMMAND, "stream", "--calibration", str(folder / "calibration.toml"), "--skeleton", "body_20", *more]
 
 
-def test_a_recording_through_the_command_gives_the_numbers_of_reconstruct(run, folder, lines):
+def test_streamed_recording_gives_the_numbers_of_reconstruct(run, folder, lines):
     assert run("replay", folder) == (0, lines.decode(), "")
     done = subprocess.run(
         stream(folder, "--clock", "messages", *FIXED), input=lines, capture_output=True, check=True, env=ENVIRONMENT
@@ -85,7 +85,7 @@ def assert_same(rows: list, expected: np.ndarray) -> None:
     np.testing.assert_array_equal(np.isnan(told[:, 0]), np.isnan(expected[:, 0]))
 
 
-def test_over_tcp_until_it_is_told_to_end(folder, lines):
+def test_stream_over_tcp_ends_on_a_signal(folder, lines):
     with subprocess.Popen(
         stream(folder, "--input", "tcp://:0", "--max-jump-s", "5"), stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         env=ENVIRONMENT,
@@ -121,7 +121,7 @@ def test_over_tcp_until_it_is_told_to_end(folder, lines):
     assert "latency of complete frames" in said
 
 
-def test_a_stream_of_which_no_line_can_be_used_fails(folder):
+def test_stream_without_valid_lines_fails(folder):
     done = subprocess.run(stream(folder), input=b"{\n" * 9, capture_output=True, check=False, env=ENVIRONMENT)
     assert done.returncode == 1
     said = " ".join(done.stderr.decode().split())
@@ -144,14 +144,14 @@ def _lines(process: subprocess.Popen) -> Iterator[bytes]:
         (("--skeleton", "fly_38", "--noise.cameras", "x", "--noise.scale-px", "1"), 2, "noise.cameras has no scale"),
     ],
 )
-def test_wrong_calls_are_answered(run, folder, more, code, said):
+def test_invalid_arguments_are_reported(run, folder, more, code, said):
     found = run("stream", "--calibration", folder / "calibration.toml", *more)
     assert found[0] == code
     assert said in found[2]
     assert found[1] == ""
 
 
-def test_replay_refuses_what_has_no_times(run, tmp_path):
+def test_replay_needs_times(run, tmp_path):
     path = tmp_path / "rec"
     path.mkdir()
     made = posefuse.simulate_crowd(CrowdOptions(people=1, cameras=3, duration_s=1.0))

@@ -120,7 +120,7 @@ def test_every_person_is_confirmed_once(scene: CrowdScene, told: list[People]) -
     assert [e.what for e in events_of(told)].count("confirmed") == PEOPLE
 
 
-def test_the_same_frames_give_the_same_bytes(scene: CrowdScene, told: list[People]) -> None:
+def test_same_frames_give_the_same_bytes(scene: CrowdScene, told: list[People]) -> None:
     again = run(scene.rig, frames_of(scene.detections))
     assert [pickle.dumps(people) for people in told] == [pickle.dumps(people) for people in again]
 
@@ -136,7 +136,7 @@ def test_pickled_tracker_resumes(scene: CrowdScene, told: list[People]) -> None:
         tracker = pickle.loads(pickle.dumps(tracker))
 
 
-def test_the_order_of_cameras_does_not_matter(scene: CrowdScene, told: list[People]) -> None:
+def test_result_is_independent_of_the_camera_order(scene: CrowdScene, told: list[People]) -> None:
     order = [3, 0, 4, 2, 1]
     rig = replace(scene.rig, cameras=tuple(scene.rig.cameras[v] for v in order))
     others = run(rig, [reordered(frame, order) for frame in frames_of(scene.detections)])
@@ -146,7 +146,7 @@ def test_the_order_of_cameras_does_not_matter(scene: CrowdScene, told: list[Peop
             np.testing.assert_array_equal(mine.used[order], theirs.used)
 
 
-def test_people_move_with_the_world(scene: CrowdScene, told: list[People]) -> None:
+def test_result_moves_with_the_world(scene: CrowdScene, told: list[People]) -> None:
     turn = Rotation.from_rotvec([0.4, -0.9, 1.3]).as_matrix()
     move = np.array([12.0, -7.0, 3.0])
     new_from_old = np.eye(4)
@@ -159,7 +159,7 @@ def test_people_move_with_the_world(scene: CrowdScene, told: list[People]) -> No
     same_people(expected, others, 2e-3)
 
 
-def test_four_times_the_frames_give_the_same_lives() -> None:
+def test_track_events_do_not_depend_on_the_frame_rate() -> None:
     """One of two people leaves at 10.7 s and is back at 15.7 s; the order of names does not matter."""
     slow, fast = lives(25.0), lives(100.0)
     assert [[what for what, _ in life] for life in slow] == [[what for what, _ in life] for life in fast]
@@ -180,7 +180,7 @@ def lives(rate_hz: float) -> list[list[tuple[str, float]]]:
     return sorted(found.values(), key=len)
 
 
-def test_an_empty_frame_is_a_miss_for_all(scene: CrowdScene) -> None:
+def test_empty_frame_is_a_missing_detection_of_all_tracks(scene: CrowdScene) -> None:
     frames = frames_of(scene.detections)
     tracker = Tracker(scene.rig, "body_20")
     before = [tracker.update(frame) for frame in frames[:40]][-1]
@@ -234,13 +234,13 @@ def test_no_detection_is_assigned_twice(scene: CrowdScene, told: list[People]) -
     assert claimed > 0.8 * sum(len(frame.view) for frame in frames)
 
 
-def test_no_more_people_than_asked_for(scene: CrowdScene) -> None:
+def test_number_of_people_is_limited(scene: CrowdScene) -> None:
     told = run(scene.rig, frames_of(scene.detections), TrackerOptions(max_people=2))
     most = [sum(p.state != TrackState.TENTATIVE for p in people.people) for people in told]
     assert max(most) == 2
 
 
-def test_people_are_tentative_before_they_are_active_and_active_before_they_are_lost(scene: CrowdScene) -> None:
+def test_track_states_are_in_order(scene: CrowdScene) -> None:
     """All people are visible for 2 s and then gone."""
     frames = frames_of(scene.detections)
     frames = frames[:50] + [without_rows(f, np.zeros(len(f.view), dtype=bool)) for f in frames[50:]]
@@ -260,7 +260,7 @@ def test_people_are_tentative_before_they_are_active_and_active_before_they_are_
         assert min(before) < 0.3
 
 
-def test_single_view_detections_are_no_track(scene: CrowdScene, told: list[People]) -> None:
+def test_detections_of_a_single_view_start_no_track(scene: CrowdScene, told: list[People]) -> None:
     """A false detection in one view in all frames neither adds nor moves a person."""
     frames = [with_ghost(frame, 2, 400.0) for frame in frames_of(scene.detections)]
     others = run(scene.rig, frames)
@@ -276,7 +276,7 @@ def only_view(frame: Frame, view: int) -> Frame:
     return without_rows(frame, frame.view == view)
 
 
-def test_views_that_take_turns_are_taken_into_account_in_turn():
+def test_times_of_views_improve_the_result():
     """Five views are taken one fifth of a frame apart: their times improve the result."""
     rate_hz, fine = 10.0, 5
     scene = simulate_crowd(

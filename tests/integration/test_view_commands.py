@@ -28,7 +28,7 @@ def test_overlay_of_a_folder_of_videos(run, stored, tmp_path):
     assert len(images_of(out / "cam1_overlay.mp4")) == N_FRAMES
 
 
-def test_overlay_of_one_video_names_the_cameras_left_out(run, stored, tmp_path):
+def test_overlay_of_one_video_names_the_other_cameras(run, stored, tmp_path):
     video = stored / "videos" / "cam0.mp4"
     code, said, _ = run(
         "overlay", stored, "--video", f"cam0={video}", "--offset-s", "cam0=0.04", "-o", tmp_path / "out"
@@ -49,7 +49,7 @@ def test_overlay_of_one_video_names_the_cameras_left_out(run, stored, tmp_path):
         ((), "--blank"),
     ],
 )
-def test_wrong_calls_say_what_is_right(run, stored, tmp_path, arguments, complaint):
+def test_invalid_arguments_have_a_remedy(run, stored, tmp_path, arguments, complaint):
     code, _, err = run("overlay", stored, *arguments, "-o", tmp_path / "out")
     assert code != 0
     assert complaint in err

@@ -111,7 +111,7 @@ def test_detection_tables_are_lossless(seed, frames, views):
 @pytest.mark.parametrize("form", ["keypoints.parquet", "replay.jsonl", "tables", "keypoints.nc"])
 @given(seed=seeds, gaps=st.lists(st.integers(1, 10**6), min_size=2, max_size=5))
 @examples(8)
-def test_distant_frame_numbers_are_kept(form, seed, gaps):
+def test_distant_frame_numbers_are_preserved(form, seed, gaps):
     """Hand-labeled frames are far apart; CSV tables report that they cannot be read back."""
     numbers = np.cumsum([0, 10_000, *gaps])
     given = any_detections(seed, len(numbers), ["a", "b"])

@@ -141,7 +141,7 @@ def test_written_results_are_read_back(kind, arguments):
 
 @given(arguments=results(most_frames=3))
 @examples(3)
-def test_nwb_is_read(arguments):
+def test_nwb_is_read_back(arguments):
     result = some_result(**arguments)
     for found, given_ in zip(written_and_read(result, "nwb"), expected(result, "nwb"), strict=True):
         check(found, given_, "nwb")

@@ -8,7 +8,7 @@ import posefuse
 from posefuse.skeleton.skeletons import Skeleton
 
 
-def test_the_good_calibration_of_the_mouse_reprojects(shared_data):
+def test_correct_mouse_calibration_has_small_reprojection_errors(shared_data):
     folder = shared_data("sleap_mouse")
     rig = posefuse.read_cameras(folder / "calibration_0b26179_good.toml")
     assert rig.names == ("back", "mid", "side", "top")
@@ -27,7 +27,7 @@ def test_the_good_calibration_of_the_mouse_reprojects(shared_data):
 
 
 @pytest.mark.parametrize("name", ["calibration.toml", "calibration_0b26179_good.toml"])
-def test_a_mouse_is_not_a_house(name, shared_data):
+def test_camera_distances_are_plausible_in_millimeters(name, shared_data):
     """In millimeters, as Anipose's are unless it is said otherwise, the cameras stand some decimeters apart."""
     rig = posefuse.read_cameras(shared_data("sleap_mouse") / name)
     assert rig.meters_per_unit == 0.001

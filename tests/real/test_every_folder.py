@@ -29,7 +29,7 @@ INSPECTED = {
 
 
 @pytest.mark.parametrize("name", INSPECTED)
-def test_inspect_reads_it_by_its_own_format(name, shared_data, capsys):
+def test_inspect_recognizes_the_format(name, shared_data, capsys):
     main(["inspect", str(shared_data(name))])
     said = " ".join(capsys.readouterr().out.split())
     for words in INSPECTED[name]:
@@ -95,7 +95,7 @@ def test_caliscope(shared_data):
     within_a_tenth(medians_px(folder / "config.toml", folder), 8, 18)
 
 
-def test_the_mouse_before_its_two_calibrations(shared_data):
+def test_mouse_with_two_calibrations(shared_data):
     """The notes' figure of the broken one is that of the wrong camera against the others."""
     folder = shared_data("sleap_mouse")
     within_a_tenth(medians_px(folder / "calibration_0b26179_good.toml", folder), 4, 9)
@@ -108,23 +108,23 @@ def test_the_mouse_before_its_two_calibrations(shared_data):
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_the_fly_before_long_lenses(seed, shared_data):
+def test_fly_with_telephoto_lenses(seed, shared_data):
     folder = shared_data("fly_3cam")
     within_a_tenth(medians_px(folder / "calibration.toml", folder / f"*rng={seed}.csv"), 1.1, 1.9)
 
 
-def test_the_fly_of_seven_cameras(shared_data):
+def test_fly_with_seven_cameras(shared_data):
     file = shared_data("deepfly_7cam") / "deepfly_7cam.npz"
     within_a_tenth(medians_px(file, file, exclude_camera=("3",)), 2.7, 3.8)
 
 
-def test_labels_that_are_projected_points(shared_data):
+def test_projected_labels_reproject(shared_data):
     """The notes say 0.1 to 0.9 px; read with its lenses as the file means them, nothing is left."""
     file = shared_data("dannce_mouse") / "label3d_demo.mat"
     assert medians_px(file, file).max() < 1e-6
 
 
-def test_a_first_guess_of_twelve_cameras(shared_data):
+def test_initial_calibration_of_twelve_cameras(shared_data):
     """Points that four cameras see, as bundle adjustment takes them."""
     folder = shared_data("mouse_outdoor_12cam")
     rig = read_cameras(folder / "calibration_right_4_10_2026_adjusted.toml")
@@ -136,7 +136,7 @@ def test_a_first_guess_of_twelve_cameras(shared_data):
     assert np.nanmedian(errors_px(rig, pixels[some])) == pytest.approx(22, rel=0.1)
 
 
-def test_the_operating_room(shared_data):
+def test_operating_room(shared_data):
     """By hand, triangulated with all three views; detected, against the known positions."""
     folder = shared_data("mvor")
     rig = read_cameras(folder / "camma_mvor_2018.json")

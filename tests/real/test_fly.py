@@ -14,7 +14,7 @@ METRES_PER_UNIT = 0.72e-3
 """The recording's unit is its own; with this, the fly's front legs are as long as a fly's are."""
 
 
-def test_a_tethered_fly_is_followed_leg_by_leg(shared_data):
+def test_tracks_every_leg_of_a_tethered_fly(shared_data):
     folder = shared_data("deepfly_7cam")
     rig, detections = real.deepfly_7cam(folder.parent)
     cameras = []
@@ -43,7 +43,7 @@ def test_a_tethered_fly_is_followed_leg_by_leg(shared_data):
     assert result.poses.nis_dof[5, 0] > 200
 
 
-def test_a_fly_at_25_hz_is_where_its_views_show_it(shared_data):
+def test_fly_tracked_at_25_hz_has_small_reprojection_errors(shared_data):
     """Its legs are elsewhere in every frame: nothing can be foretold of them."""
     rig, fast = held_out.fly(shared_data("fly_3cam").parent)
     pixels, confidence = fast.dense()

@@ -10,7 +10,7 @@ from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.skeleton.trees import CONE, TWIST
 
 
-def test_the_mouse_is_one_animal_all_the_time(shared_data):
+def test_mouse_keeps_one_identity(shared_data):
     rig, detections = real.sleap_mouse(shared_data("sleap_mouse").parent)
     assert detections.skeleton.tree is None
     detections = detections if detections.rate_hz else detections.with_rate(60)
@@ -25,7 +25,7 @@ def test_the_mouse_is_one_animal_all_the_time(shared_data):
     assert np.nanmedian(apart) < 0.003
 
 
-def test_joints_of_a_mouse_labeled_by_hand_keep_their_limits(shared_data):
+def test_hand_labeled_mouse_joints_are_within_limits(shared_data):
     file = shared_data("dannce_mouse") / "label3d_demo.mat"
     detections = posefuse.read_detections(file).with_rate(30)
     result = posefuse.reconstruct(

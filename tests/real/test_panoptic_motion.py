@@ -23,7 +23,7 @@ def check(scene: CrowdScene, points_m: np.ndarray) -> None:
     assert (seen.sum(axis=2) >= 3).mean() > 0.95
 
 
-def test_one_person(shared_data):
+def test_single_person(shared_data):
     motion = panoptic.one_person(shared_data("panoptic_motion").parent)
     points = motion.points_m[:600]
     check(crowd_of_points(points, motion.rig, motion.skeleton, motion.rate_hz), points)
@@ -36,7 +36,7 @@ def test_three_people(shared_data, sequence):
     check(crowd_of_points(motion.points_m, motion.rig, motion.skeleton, motion.rate_hz), motion.points_m)
 
 
-def test_a_leg_that_is_seen_late_is_followed(shared_data):
+def test_leg_that_is_detected_late_is_tracked(shared_data):
     """Of one of the band, who sits, the first frames show no leg; it points far from where a leg at rest does."""
     motion = panoptic.three_people(shared_data("panoptic_three_people").parent)
     scene = crowd_of_points(motion.points_m, motion.rig, motion.skeleton, motion.rate_hz)

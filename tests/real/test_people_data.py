@@ -17,7 +17,7 @@ def operating_room():
     return read
 
 
-def test_mvor_is_read_whole_and_its_truth_fits_its_images(operating_room, shared_data):
+def test_mvor_truth_reprojects(operating_room, shared_data):
     data = operating_room(shared_data)
     assert (data.detections.n_frames, int(data.detections.offsets[-1])) == (732, 4091)
     assert sum(len(each) for each in data.truth_m) == 1057
@@ -29,7 +29,7 @@ def test_mvor_is_read_whole_and_its_truth_fits_its_images(operating_room, shared
     assert np.nanmedian(np.linalg.norm(errors, axis=-1)) < 9.0
 
 
-def test_an_oracle_s_error_in_mvor(operating_room, shared_data):
+def test_oracle_error_in_mvor(operating_room, shared_data):
     """The data's notes say 60 mm with three views and 83 mm with two, not of which joints: within a tenth of them."""
     data = operating_room(shared_data)
     points, _ = mvor.oracle(data)
@@ -51,7 +51,7 @@ def test_proposals_in_mvor(operating_room, shared_data):
     assert found.false_share <= 0.05
 
 
-def test_proposals_elsewhere_are_false_in_mvor(operating_room, shared_data):
+def test_displaced_proposals_are_false_in_mvor(operating_room, shared_data):
     """The same people a meter aside."""
     data = operating_room(shared_data)
     points, _ = mvor.oracle(data)

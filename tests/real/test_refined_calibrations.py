@@ -16,7 +16,7 @@ from posefuse.skeleton.skeletons import Skeleton
 ONE = Options(people="one")
 
 
-def test_a_copied_camera_is_located_by_the_corners_of_a_board(shared_data):
+def test_copied_camera_is_located_by_board_corners(shared_data):
     """The camera's lens was copied as well: a focal length of 965 px that is 751."""
     folder = shared_data("sleap_mouse")
     rig = posefuse.read_cameras(folder / "calibration.toml")
@@ -37,7 +37,7 @@ def test_a_copied_camera_is_located_by_the_corners_of_a_board(shared_data):
 
 
 @pytest.mark.long
-def test_a_mouse_alone_tells_too_little_and_nothing_of_lenses(shared_data):
+def test_mouse_alone_does_not_determine_lenses(shared_data):
     folder = shared_data("sleap_mouse")
     views, nodes = [], []
     rig = posefuse.read_cameras(folder / "calibration.toml")
@@ -55,7 +55,7 @@ def test_a_mouse_alone_tells_too_little_and_nothing_of_lenses(shared_data):
 
 
 @pytest.mark.long
-def test_twelve_cameras_from_a_first_guess(shared_data):
+def test_twelve_cameras_are_refined_from_an_initial_calibration(shared_data):
     folder = shared_data("mouse_outdoor_12cam")
     rig = posefuse.read_cameras(folder / "calibration_right_4_10_2026_adjusted.toml")
     pixels = np.load(folder / "points_right_4_10_2026_sub.npz")["p2d"].transpose(1, 0, 2)[:, :, None]

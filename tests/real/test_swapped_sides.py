@@ -39,7 +39,7 @@ def exchange_a_quarter(detections: Detections, view: int, seed: int) -> tuple[De
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 @pytest.mark.parametrize("recording", [pose2sim, caliscope_webcams])
-def test_it_comes_out_as_if_nothing_had_been_exchanged(recording, seed, shared_data):
+def test_swapped_limbs_in_one_view_do_not_change_the_result(recording, seed, shared_data):
     rig, detections = recording(shared_data)
     detections = detections if detections.rate_hz else detections.with_rate(60.0)
     options = Options()

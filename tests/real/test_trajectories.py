@@ -12,7 +12,7 @@ from benchmarks import held_out
         ("sleap_mouse", 60, 1.08),
     ],
 )
-def test_a_camera_left_out_is_foretold_and_bones_vary_less(recording, frames, most, shared_data):
+def test_trajectory_predicts_a_held_out_camera_and_reduces_bone_variation(recording, frames, most, shared_data):
     folder = shared_data(recording).parent
     rig, detections = held_out.RECORDINGS[recording](folder)
     figures = held_out.compare(rig, detections.frames(0, frames))

@@ -41,7 +41,7 @@ def score(shared_data, result: Reconstruction, layer) -> PeopleScores:
     return score_people(with_truths(result, [truth_finder(file)(result) for file in files], ["P1", "P2"]))
 
 
-def test_two_lasting_people_and_a_passer_by(follow, shared_data):
+def test_two_people_and_a_passer_by_are_tracked(follow, shared_data):
     """The two in all views from 0.15 s on, the third in the two views that show him, never mixed."""
     result = follow(shared_data)
     state, detection = np.asarray(result.tracks.state), np.asarray(result.tracks.detection)
@@ -56,7 +56,7 @@ def test_two_lasting_people_and_a_passer_by(follow, shared_data):
 
 
 @pytest.mark.parametrize("layer", ["measured", "solved", "model"])
-def test_both_agree_with_the_reference(follow, shared_data, layer):
+def test_both_people_agree_with_the_reference(follow, shared_data, layer):
     found = score(shared_data, follow(shared_data), layer)
     assert found.clear[0].switches == 0
     assert found.clear[0].recall > 0.9
@@ -65,7 +65,7 @@ def test_both_agree_with_the_reference(follow, shared_data, layer):
     assert [ghost.ever_matched for ghost in found.ghosts] == [False]
 
 
-def test_each_of_the_two_is_solved_over_the_whole_recording(follow, shared_data):
+def test_trajectories_of_both_people_are_solved(follow, shared_data):
     """All points of both, smoother than they were measured, their bones of one length; the passer-by his own."""
     result = follow(shared_data)
     state = np.asarray(result.tracks.state)

@@ -9,7 +9,7 @@ from posefuse.errors import PosefuseWarning
 from posefuse.model.status import ViewStatus
 
 
-def test_the_junk_camera_of_a_fly_is_rejected_and_named(shared_data):
+def test_faulty_fly_camera_is_rejected_and_identified(shared_data):
     rig, detections = real.deepfly_7cam(shared_data("deepfly_7cam").parent)
     with pytest.warns(PosefuseWarning, match="'camera_3'") as said:
         result = posefuse.reconstruct(rig, detections)
@@ -26,7 +26,7 @@ def test_the_junk_camera_of_a_fly_is_rejected_and_named(shared_data):
     assert (layer.view_status[far] == ViewStatus.OUTLIER).all()
 
 
-def test_a_camera_with_anothers_calibration_is_named(shared_data):
+def test_camera_with_a_swapped_calibration_is_identified(shared_data):
     folder = shared_data("sleap_mouse").parent
     with pytest.warns(PosefuseWarning) as said:
         result = posefuse.reconstruct(*real.sleap_mouse(folder, "calibration.toml"))
@@ -34,7 +34,7 @@ def test_a_camera_with_anothers_calibration_is_named(shared_data):
     assert real.rejected_shares(result)["side"] > 0.95
 
 
-def test_with_the_good_calibration_no_camera_is_blamed(shared_data):
+def test_correct_calibration_has_no_faulty_camera(shared_data):
     rig, detections = real.sleap_mouse(shared_data("sleap_mouse").parent)
     assert detections.skeleton.keypoints[0] == "Nose"
     assert detections.skeleton.edges
@@ -44,7 +44,7 @@ def test_with_the_good_calibration_no_camera_is_blamed(shared_data):
     assert not any("contradicts the other cameras" in note for note in result.provenance.notes)
 
 
-def test_a_fly_before_telephoto_lenses(shared_data):
+def test_fly_with_telephoto_lenses_is_reconstructed(shared_data):
     rig, detections = real.fly_3cam(shared_data("fly_3cam").parent)
     result = posefuse.reconstruct(rig, detections)
     layer = result.layers["measured"]

@@ -61,12 +61,12 @@ def refused(kind, result, folder, cases) -> int:
 # The netCDF library closes what it could not open.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("kind", ["edits", "trc", "netcdf"])
-def test_broken_files_are_errors_that_say_so(kind, result, tmp_path):
+def test_broken_files_raise_posefuse_errors(kind, result, tmp_path):
     assert refused(kind, result, tmp_path, 40 if kind == "netcdf" else 200) > 10
 
 
 @pytest.mark.long
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("kind", ["edits", "trc", "netcdf"])
-def test_very_many_broken_files(kind, result, tmp_path):
+def test_many_broken_files_raise_posefuse_errors(kind, result, tmp_path):
     assert refused(kind, result, tmp_path, 10_000) > 100

@@ -171,7 +171,7 @@ def test_parquet_with_one_long_string_in_every_row_is_refused(own, tmp_path, mon
         refused(path)
 
 
-def test_a_chunk_with_too_much_content_is_refused(result, tmp_path, monkeypatch):
+def test_chunk_with_too_much_content_is_refused(result, tmp_path, monkeypatch):
     path = posefuse.write(result, tmp_path / "points3d.h5", "sleap").files[0]
     with h5py.File(path, "a") as file:
         data = file.create_dataset("more", (1000,), "f8", chunks=(1000,), compression="gzip", fletcher32=True)

@@ -71,7 +71,7 @@ def all_in(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("form", [form.name for form in RESULTS if form.writes])
-def test_writers_of_results_write_where_they_are_told(form, tmp_path):
+def test_result_writers_stay_in_their_folder(form, tmp_path):
     result, suits = posed("body_20", 2, 5), RESULTS.find(form).additional_name or f"p.{form}"
     for i in range(0, len(PATHS), 5):
         people = distinct(list(PATHS[i:]), 5)
@@ -85,7 +85,7 @@ def test_writers_of_results_write_where_they_are_told(form, tmp_path):
         all_in(folder)
 
 
-def test_the_usual_outputs_stay_in_their_folder(tmp_path):
+def test_default_outputs_stay_in_their_folder(tmp_path):
     result = followed(crowd(people=4, seconds=0.4))
     for i in (0, 8, 16):
         folder = tmp_path / f"above_{i}" / "result"
@@ -97,7 +97,7 @@ def test_the_usual_outputs_stay_in_their_folder(tmp_path):
 
 @pytest.mark.parametrize("writer", [detection_tables, native, openpose, replay, tidy])
 @pytest.mark.parametrize("name", PATHS)
-def test_writers_of_keypoints_write_where_they_are_told(writer, name, tmp_path):
+def test_keypoint_writers_stay_in_their_folder(writer, name, tmp_path):
     scene = crowd(people=1, seconds=0.1).detections.views(["cam_0"])
     hostile = object.__new__(Detections)
     for field in scene.__dataclass_fields__:
@@ -113,14 +113,14 @@ def test_writers_of_keypoints_write_where_they_are_told(writer, name, tmp_path):
 
 
 @pytest.mark.parametrize("name", [name for name in PATHS if name != "~"])
-def test_what_is_no_name_of_a_file_anywhere_is_refused(name):
+def test_invalid_file_names_are_refused(name):
     with pytest.raises(FileError, match="is not a valid file name"):
         checked_file_name(name)
 
 
 @given(st.lists(st.text(min_size=0, max_size=300), min_size=1, max_size=6))
 @examples(60)
-def test_safe_names_are_safe_and_checked_file_names(names):
+def test_safe_names_are_valid_file_names(names):
     found = safe_names(names)
     assert len({name.casefold() for name in found}) == len(names)
     assert [checked_file_name(name) for name in found] == list(found)
@@ -158,7 +158,7 @@ def report_of() -> Reconstruction:
 
 @given(st.lists(evil, min_size=8, max_size=8, unique=True))
 @examples(4)
-def test_a_report_is_made_of_the_same_whatever_anybody_is_called(names):
+def test_names_do_not_change_the_structure_of_a_report(names):
     told = report_of()
 
     def page(words: list[str]) -> Shape:
@@ -177,14 +177,14 @@ def test_a_report_is_made_of_the_same_whatever_anybody_is_called(names):
 
 @given(st.lists(evil, min_size=3, max_size=3, unique=True))
 @examples(30)
-def test_so_is_the_page_over_many(names):
+def test_names_do_not_change_the_structure_of_a_batch_report(names):
     def page(words: list[str]) -> Shape:
         return Shape(batch_page([JobResult(words[0], "failed", words[1]), JobResult(words[2], "failed", words[0])]))
 
     assert page(names).found == page(["a", "b", "c"]).found
 
 
-def test_recordings_with_names_that_are_too_long_fail_alone(tmp_path):
+def test_recordings_with_too_long_names_do_not_affect_others(tmp_path):
     folder = tmp_path / ("r" * 250)
     folder.mkdir()
     outcome = run_job(Job(folder.name, folder, tmp_path / "out" / folder.name, None, Options()))

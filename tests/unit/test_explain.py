@@ -29,7 +29,7 @@ def result(scene) -> Reconstruction:
     return replace(followed(scene), swaps=None)
 
 
-def test_every_detection_is_told_of_once_with_its_owner(scene, result):
+def test_every_detection_is_listed_once_with_its_track(scene, result):
     for number in (5, AWAY, 49):
         told = explain(result, number, scene.detections)
         cells = scene.detections.offsets[number * 5 : number * 5 + 6]
@@ -43,7 +43,7 @@ def test_every_detection_is_told_of_once_with_its_owner(scene, result):
                 assert each.n_keypoints == seen
 
 
-def test_the_errors_are_distances_to_the_projected_person(scene, result):
+def test_errors_are_distances_to_the_projected_person(scene, result):
     told = explain(result, 10, scene.detections)
     one = next(each for each in told.views[2].detections if each.person == "person_1")
     points = result.layers["model"].points_m[10, 0]
@@ -69,7 +69,7 @@ def test_unassigned_detections_have_the_right_reason(scene, result):
     assert all("a duplicate" in why for why in reasons[Kind.DUPLICATE])
 
 
-def test_a_missed_detection_is_reported_with_its_position(scene, result):
+def test_missed_detection_is_reported_with_its_position(scene, result):
     detection = np.array(result.tracks.detection)
     number = int(detection[10, 0, 2])
     detection[10, 0, 2] = -1
@@ -81,7 +81,7 @@ def test_a_missed_detection_is_reported_with_its_position(scene, result):
     assert "unknown without the 2D keypoints" in explain(nothing, 10).views[2].undetected["person_1"]
 
 
-def test_without_keypoints_it_tells_what_the_result_knows(scene, result):
+def test_without_keypoints_only_the_result_is_explained(scene, result):
     told, whole = explain(result, 10), explain(result, 10, scene.detections)
     assert (told.complete, whole.complete) == (False, True)
     for mine, theirs in zip(told.views, whole.views, strict=True):
@@ -92,7 +92,7 @@ def test_without_keypoints_it_tells_what_the_result_knows(scene, result):
         assert all(each.n_keypoints is None for each in mine.detections)
 
 
-def test_people_and_their_states(result):
+def test_people_are_listed_with_their_states(result):
     told = explain(result, 10)
     assert [(p.name, p.state, p.since) for p in told.people][:2] == [
         ("person_1", TrackState.ACTIVE, 3), ("person_2", TrackState.ACTIVE, 3),
@@ -102,7 +102,7 @@ def test_people_and_their_states(result):
     assert (layer.layer, layer.n_points, layer.sd_mm) == ("model", 20, pytest.approx(10))
 
 
-def test_one_person(scene, result):
+def test_single_person(scene, result):
     told = explain(result, 10, scene.detections, "person_2")
     assert [person.name for person in told.people] == ["person_2"]
     assert {each.person for view in told.views for each in view.detections} <= {"person_2", None}
@@ -115,7 +115,7 @@ def test_events_of_the_second_before_and_after(result):
     assert [event.number for event in explain(replace(result, events=events), 30).events] == [40, 55]
 
 
-def test_what_it_refuses(scene, result):
+def test_invalid_requests_are_refused(scene, result):
     with pytest.raises(ResultError, match="frames 0 to 49\\). Choose a frame"):
         explain(result, 77)
     with pytest.raises(ResultError, match="No person 'person_9'"):
@@ -132,7 +132,7 @@ def test_what_it_refuses(scene, result):
 
 
 class TestMisses:
-    def test_known_by_hand(self, result):
+    def test_misses_match_hand_computed_values(self, result):
         misses = count_misses(result.chunks(7), "model")
         state, detection = np.asarray(result.tracks.state), np.asarray(result.tracks.detection)
         active = state == TrackState.ACTIVE
@@ -142,7 +142,7 @@ class TestMisses:
         np.testing.assert_array_equal(misses.missed, missed)
         assert missed.sum() > 0
 
-    def test_who_is_out_of_the_image_or_not_recorded_is_not_missed(self, result):
+    def test_people_outside_the_image_or_not_recorded_are_not_missed(self, result):
         layer = result.layers["model"]
         far = replace(layer, points_m=np.asarray(layer.points_m) + np.array([0, 0, 50.0]))
         assert count_misses([replace(result, layers={"model": far})], "model").expected.sum() == 0
@@ -154,5 +154,5 @@ class TestMisses:
         assert (expected[:, 1] > 0).all()
         assert np.isnan(count_misses([replace(result, layers={"model": dark})], "model").share[:, 2]).all()
 
-    def test_nothing_tracked(self, result):
+    def test_recording_without_tracks(self, result):
         assert count_misses([replace(result, tracks=None)], "model") is None

@@ -32,7 +32,7 @@ class TestDistance:
         found = distance_squared(a, spread_of(0.1, 1, 2), b, spread_of(0.1, 1, 2))
         assert found == pytest.approx(np.array([[6.25]]))
 
-    def test_three_for_two_estimates_of_one_person_however_many_keypoints_are_common(self):
+    def test_expected_distance_does_not_depend_on_the_number_of_keypoints(self):
         rng = np.random.default_rng(0)
         factor = rng.normal(0.0, 0.05, (300, 17, 3, 3))
         spread = factor @ np.swapaxes(factor, -1, -2) + 0.01**2 * np.eye(3)
@@ -43,7 +43,7 @@ class TestDistance:
             found = np.diagonal(distance_squared(a, six(spread), b, six(spread)))
             assert found.mean() == pytest.approx(3.0, abs=0.5)
 
-    def test_turning_the_world_changes_nothing(self):
+    def test_distance_is_invariant_to_rotations(self):
         rng = np.random.default_rng(1)
         a, b = rng.normal(size=(3, 5, 3)), rng.normal(size=(2, 5, 3))
         factor = rng.normal(size=(3, 5, 3, 3))
@@ -67,7 +67,7 @@ class TestDistance:
         own = spread_of(0.0, 1, 2)
         assert distance_squared(a, own, b, own, floor_m=0.03)[0, 0] == pytest.approx(3.0)
 
-    def test_clusters_chain_and_are_counted_as_they_come(self):
+    def test_clusters_are_chained_and_numbered_in_order(self):
         x = np.array([5.0, 0.0, 0.25, 5.1, 0.5])
         points = np.zeros((5, 2, 3))
         points[..., 0] = x[:, None]
@@ -78,7 +78,7 @@ class TestDistance:
 
 class TestTorso:
     @pytest.mark.parametrize("tilt", [0.0, 0.7, 1.5])
-    def test_the_middle_of_four_corners_however_it_leans(self, tilt):
+    def test_trunk_center_is_the_mean_of_four_corners(self, tilt):
         middle, spread = torso(COCO, standing(tilt), SMALL)
         np.testing.assert_allclose(middle, [[1.0, 2.0, 1.2]], atol=2e-3)
         assert np.sqrt(spread[0, [0, 3, 5]]).max() < 0.03
@@ -92,7 +92,7 @@ class TestTorso:
         assert np.linalg.norm(off) < 0.06
         assert off @ np.linalg.solve(full(spread[0]), off) < 7.8
 
-    def test_shoulders_alone_leave_the_middle_uncertain_by_half_a_trunk(self):
+    def test_shoulders_alone_leave_the_center_uncertain_by_half_a_trunk(self):
         points = standing()
         points[0, [COCO.index("left_hip"), COCO.index("right_hip")]] = np.nan
         middle, spread = torso(COCO, points, SMALL)
@@ -100,13 +100,13 @@ class TestTorso:
         assert np.linalg.norm(off) == pytest.approx(0.26, abs=0.01)
         assert off @ np.linalg.solve(full(spread[0]), off) < 7.8
 
-    def test_a_hip_meters_away_does_not_carry_the_trunk_off(self):
+    def test_outlier_hip_does_not_move_the_trunk(self):
         points = standing()
         points[0, COCO.index("left_hip")] += [0.0, 3.0, 0.0]
         middle, _ = torso(COCO, points, SMALL)
         assert np.linalg.norm(middle[0] - [1.0, 2.0, 1.2]) < 0.3
 
-    def test_the_world_s_origin_is_nothing_special(self):
+    def test_points_at_the_origin_are_valid(self):
         points = standing()
         points[0, COCO.index("left_hip")] = np.nan
         here, spread = torso(COCO, points, SMALL)
@@ -119,7 +119,7 @@ class TestTorso:
         assert np.isnan(middle).all()
         assert np.isnan(spread).all()
 
-    def test_an_animal_has_the_median_of_its_core(self):
+    def test_trunk_of_an_animal_is_the_median_of_its_core(self):
         mouse = Skeleton("mouse", ("nose", "back", "tail"), core=("nose", "back", "tail"))
         points = np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [9.0, 0.0, 0.0]]])
         middle, _ = torso(mouse, points, spread_of(0.1, 1, 3))

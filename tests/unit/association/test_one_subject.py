@@ -32,23 +32,23 @@ def chosen(detections: Detections, pick) -> list[list[int]]:
     return select_subject(detections, pick, longest_track_ids(detections)).detection[:, 0].tolist()
 
 
-def test_one_person_needs_no_choice():
+def test_single_person_needs_no_selection():
     assert chosen(crowd([[[5], []], [[], [5]]]), None) == [[0, -1], [-1, 0]]
 
 
-def test_several_people_need_one():
+def test_several_people_need_a_selection():
     with pytest.raises(DetectionsError, match=r"View 'b' shows 2 people in frame 1 .*with --pick largest, or remove"):
         chosen(crowd([[[5], [5]], [[5], [5, 6]]]), None)
     with pytest.raises(DetectionsError, match="--pick largest or --pick track-id"):
         chosen(crowd([[[5], [5]], [[5], [5, 6]]], [1, 1, 1, 1, 2]), None)
 
 
-def test_choosing_by_size_is_remarked_on():
+def test_selection_by_size_gives_a_note():
     assert one_subject.remarks(False, "largest") == one_subject.remarks(True, "track-id") == ()
     assert "may be another person" in one_subject.remarks(True, "largest")[0]
 
 
-def test_the_largest():
+def test_selects_the_largest_person():
     assert chosen(crowd([[[3, 9, 4], [2]], [[7, 1], []]]), "largest") == [[1, 0], [0, -1]]
 
 
@@ -61,12 +61,12 @@ def test_people_without_keypoints_are_smallest():
     assert chosen(replace(detections, keypoints_px=keypoints), "largest") == [[0, 0]]
 
 
-def test_the_track_id_that_lasts_longest_in_each_view():
+def test_selects_the_longest_track_id_of_each_view():
     detections = crowd([[[1, 1], [1]], [[1, 1], [1]], [[1], [1]]], ids=[4, 7, 2, 7, 4, 2, 7, 3])
     assert longest_track_ids(detections).tolist() == [7, 2]
     assert chosen(detections, "track-id") == [[1, 0], [0, 0], [0, -1]]
 
 
-def test_track_ids_must_be_there():
+def test_raises_if_track_ids_are_missing():
     with pytest.raises(DetectionsError, match="people in view 'a' have no track IDs. Use --pick largest"):
         chosen(crowd([[[1, 1], [1]]]), "track-id")

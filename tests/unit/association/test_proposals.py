@@ -72,7 +72,7 @@ def who_is_who(proposals: Proposals, who: np.ndarray) -> list[set[int]]:
 class TestGroups:
     @examples(15)
     @given(n=st.integers(1, 6), cameras=st.integers(3, 8), seed=st.integers(0, 1000))
-    def test_every_person_is_one_group_of_all_their_detections(self, n, cameras, seed):
+    def test_every_person_is_one_group_of_all_detections(self, n, cameras, seed):
         rig, truth = rig_of(cameras), people(n, seed)
         frame, who = seen(rig, truth, seed=seed)
         proposals = found_in(frame, rig)
@@ -90,13 +90,13 @@ class TestGroups:
         rows = found_in(frame, rig).rows
         assert len(np.unique(rows[rows >= 0])) == (rows >= 0).sum()
 
-    def test_people_an_arm_apart_are_two(self):
+    def test_close_people_are_separate_groups(self):
         rig, truth = rig_of(), people(2)
         truth[1] = truth[0] + [0.4, 0.3, 0.0]
         frame, who = seen(rig, truth)
         assert sorted(who_is_who(found_in(frame, rig), who), key=min) == [{0}, {1}]
 
-    def test_the_order_of_detections_changes_nothing(self):
+    def test_result_is_independent_of_the_detection_order(self):
         rig, truth = rig_of(), people(4)
         results = []
         for seed in (0, 1):
@@ -109,7 +109,7 @@ class TestGroups:
             assert a[0] == b[0]
             np.testing.assert_allclose(a[1], b[1], atol=1e-6)
 
-    def test_where_the_world_is_changes_nothing(self):
+    def test_result_is_independent_of_world_coordinates(self):
         rig, truth = rig_of(), people(3)
         frame, _ = seen(rig, truth)
         here = found_in(frame, rig)
@@ -124,7 +124,7 @@ class TestGroups:
         np.testing.assert_allclose(here.log_odds, there.log_odds, rtol=1e-6)
         np.testing.assert_allclose(here.torso_m @ turn.T + pose[:3, 3], there.torso_m, atol=1e-6)
 
-    def test_the_same_frame_gives_the_same_bytes(self):
+    def test_same_frame_gives_the_same_bytes(self):
         rig, truth = rig_of(), people(4)
         frame, _ = seen(rig, truth)
         assert found_in(frame, rig) == found_in(frame, rig)
@@ -160,7 +160,7 @@ class TestGroups:
         assert 0 not in found_in(frame, rig).rows
         assert sorted(who_is_who(found_in(frame, rig), np.concatenate([[9], who])), key=min) == [{0}, {1}]
 
-    def test_a_detection_given_twice_is_a_duplicate(self):
+    def test_repeated_detection_is_a_duplicate(self):
         rig, truth = rig_of(), people(2)
         frame, who = seen(rig, truth)
         twice = np.repeat(np.arange(len(frame.view)), np.where(np.isin(np.arange(len(who)), [0, 3]), 2, 1))
@@ -177,7 +177,7 @@ class TestGroups:
             assert who[twice[row]] in who_is_who(proposals, who[twice])[person]
         assert len(proposals.duplicates) == 2
 
-    def test_a_view_with_its_sides_mixed_up_is_named(self):
+    def test_left_right_swap_of_a_view_is_reported(self):
         rig, truth = rig_of(), people(1)
         frame, _ = seen(rig, truth, sigma_px=1.0)
         pixels = frame.keypoints_px.copy()
@@ -222,7 +222,7 @@ class TestGroups:
                 total += len(squared)
         assert 0.92 < inside / total < 0.98
 
-    def test_the_error_is_in_sigmas(self):
+    def test_error_is_in_standard_deviations(self):
         rig, truth = rig_of(), people(4)
         frame, _ = seen(rig, truth)
         # 1.18 per axis, less what the points absorb: 3 of 10 numbers.
@@ -239,7 +239,7 @@ class TestNothing:
         empty = Frame(np.empty((0, 17, 2)), np.empty((0, 17)), nobody, nobody, np.zeros(5), np.ones(5, dtype=bool))
         assert found_in(empty, rig).points_m.shape == (0, 17, 3)
 
-    def test_detections_without_keypoints_are_passed_over(self):
+    def test_detections_without_keypoints_are_ignored(self):
         rig, truth = rig_of(), people(1)
         frame, _ = seen(rig, truth)
         pixels = frame.keypoints_px.copy()
@@ -247,7 +247,7 @@ class TestNothing:
         proposals = found_in(replace(frame, keypoints_px=pixels), rig)
         assert proposals.rows.tolist() == [[0, -1, 2, 3, 4]]
 
-    def test_arrays_of_another_recording_are_refused(self):
+    def test_arrays_of_another_size_are_refused(self):
         rig, truth = rig_of(), people(1)
         frame, _ = seen(rig, truth)
         with pytest.raises(
@@ -267,7 +267,7 @@ class TestBaseline:
         for rows, points in zip(proposals.rows, proposals.points_m, strict=True):
             assert np.nanmedian(np.linalg.norm(points - truth[who[rows[0]]], axis=-1)) < 0.03
 
-    def test_the_mean_of_pairs_is_worse_than_one_solve(self):
+    def test_mean_of_pairs_is_less_accurate_than_one_solve(self):
         rig, truth = rig_of(), people(3)
         errors = {"groups": [], "rpt": []}
         for seed in range(6):
@@ -293,11 +293,11 @@ class TestOptions:
             ({"volume_m": (0.0, 0.0, 0.0, 1.0, -1.0, 1.0)}, "each minimum below its maximum"),
         ],
     )
-    def test_options_that_mean_nothing_are_refused(self, wrong, message):
+    def test_invalid_options_are_refused(self, wrong, message):
         with pytest.raises(OptionsError, match=message):
             AssociationOptions(**wrong)
 
-    def test_those_of_the_baseline_too(self):
+    def test_invalid_baseline_options_are_refused(self):
         with pytest.raises(OptionsError, match=r"rpt\.min_score must be a finite number from 0 to 1"):
             RptOptions(min_score=1.5)
         with pytest.raises(OptionsError, match=r"rpt\.merged_pairs must be an integer of at least 1"):

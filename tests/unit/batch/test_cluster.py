@@ -24,7 +24,7 @@ def test_tasks_of_a_dying_cluster_worker_run_elsewhere(tmp_path):
     assert {name: outcome.state for name, outcome in found.items()} == dict.fromkeys(names, "done")
 
 
-def test_a_missing_scheduler_is_an_error():
+def test_missing_scheduler_is_an_error():
     pytest.importorskip("distributed", reason="Dask is not installed (extra cluster)")
     with pytest.raises(StreamError, match="No Dask scheduler answers at nowhere"):
         list(on_cluster(do, [], "nowhere"))

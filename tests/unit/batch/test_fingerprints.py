@@ -10,7 +10,7 @@ from posefuse.model.options.options import Options
 STATISTICS = ResultStatistics(30, 1.0, 4, 2, 0.98, 12.0, 24.0, None)
 
 
-def test_a_result_is_kept_until_something_changes(tmp_path):
+def test_result_is_reused_until_something_changes(tmp_path):
     def digest(path: Path) -> str:
         return path.read_text()
 

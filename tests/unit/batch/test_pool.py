@@ -6,7 +6,7 @@ from posefuse.batch.pool import in_processes
 from tests.unit.batch.job_functions import do, jobs
 
 
-def test_a_dying_process_does_not_affect_other_jobs(tmp_path):
+def test_dying_process_does_not_affect_other_jobs(tmp_path):
     todo = jobs(tmp_path, "dies", "a", "diesonce", "b", "c")
     found = {outcome.name: outcome for outcome in in_processes(do, todo, 2)}
     assert {name: outcome.state for name, outcome in found.items()} == {

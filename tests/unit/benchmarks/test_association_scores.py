@@ -17,7 +17,7 @@ def views(*n: int) -> np.ndarray:
     return np.repeat(np.array(n, dtype=int)[:, None], 2, axis=1)
 
 
-def test_two_frames_by_hand():
+def test_scores_of_two_frames_match_hand_computed_values():
     """Of four people the oracle finds three and the proposals two of these; one proposal of four is nobody."""
     truth = [at(0.0, 2.0), at(0.0, 2.0)]
     oracle = [at(0.06, 2.08), at(0.06, np.nan)]
@@ -32,13 +32,13 @@ def test_two_frames_by_hand():
     assert found.oracle_error_mm_by_views == {2: pytest.approx(80), 3: pytest.approx(60)}
 
 
-def test_somebody_the_truth_leaves_out_is_not_false():
+def test_person_without_truth_is_not_a_false_positive():
     truth, oracle = [at(0.0)], [at(0.0)]
     given = score_association([at(0.0, 5.0)], truth, oracle, [views(3)], [np.array([True, False])])
     assert given.false_share == 0
 
 
-def test_keypoints_that_do_not_count():
+def test_excluded_keypoints_are_ignored():
     truth, oracle = [at(0.0)], [at(0.0)]
     proposal = at(0.0)
     proposal[0, 1, 0] = 0.3
@@ -46,12 +46,12 @@ def test_keypoints_that_do_not_count():
     assert (found.error_mm, found.recall) == (0, 1)
 
 
-def test_one_proposal_finds_one_person():
+def test_one_proposal_matches_one_person():
     found = score_association([at(0.1)], [at(0.0, 0.2)], [at(0.0, 0.2)], [views(2, 2)])
     assert found.recall == 1 / 2
 
 
-def test_frames_without_anybody():
+def test_frames_without_people():
     nobody = np.empty((0, 2, 3))
     found = score_association([nobody, at(1.0)], [at(0.0), nobody], [at(0.0), nobody], [views(2), views()])
     assert (found.recall, found.false_share) == (0, 1)

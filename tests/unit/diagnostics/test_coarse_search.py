@@ -13,7 +13,7 @@ def costs_of(true_order: list[int]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("true_order", [[0, 2, 1, 3], [0, 1, 2, 3, 4, 8, 6, 7, 5], list(range(9))])
-def test_the_assignment_with_the_lowest_cost_is_found(true_order):
+def test_assignment_with_the_lowest_cost_is_found(true_order):
     start = tuple(range(len(true_order)))
     assert _best_order(costs_of(true_order), start) == tuple(true_order)
 

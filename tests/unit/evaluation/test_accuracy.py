@@ -60,7 +60,7 @@ def test_missing_points_are_counted_not_averaged(truth):
     assert found.missing_share_of["point_1"] == pytest.approx(0.2)
 
 
-def test_what_the_truth_lacks_is_not_missing(truth, rng):
+def test_keypoints_without_truth_are_not_missing(truth, rng):
     points = np.array(truth.layers["measured"].points_m)[:, 0]
     points[:, 2] = np.nan
     found = evaluate(truth, truth_from_result(truth, known(points)))
@@ -78,7 +78,7 @@ def test_coverage_of_a_real_reconstruction():
     assert found.matched_by == "frame number"
 
 
-def test_bones(rng):
+def test_bone_lengths(rng):
     lengths = 0.4 * (1 + 0.02 * rng.standard_normal(4000))
     points = np.zeros((4000, 3, 3))
     points[:, 1, 0] = lengths
@@ -126,7 +126,7 @@ def test_trajectories_by_order_or_time(truth):
 
 
 @pytest.mark.parametrize("rate_hz", [10.0, 20.0, 50.0, 120.0])
-def test_the_truth_may_have_another_rate(rate_hz, truth):
+def test_truth_may_have_another_rate(rate_hz, truth):
     """A result on a straight line against the same line at another rate: no error of the matching's own."""
     at = np.arange(10) / 30
     line = known(np.stack([at, 2 * at, -at], axis=-1)[:, None])

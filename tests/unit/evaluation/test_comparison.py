@@ -63,7 +63,7 @@ def test_consensus_rejects_what_simple_does_not(rows):
     assert rows["simple"].truth_p99_mm > 3 * rows["consensus"].truth_p99_mm
 
 
-def test_nothing_is_left_out_of_all_detections(rows):
+def test_all_detections_are_included(rows):
     """The wrong detections, 6 of 355, and those of the missing points, 1 of 355, stay in it."""
     for row in rows.values():
         at_px = np.array(row.all_error.at_shares_px)
@@ -98,14 +98,14 @@ def test_every_method_gets_the_same_noise_and_its_own_min_views(detections):
     assert [row.min_views for row in found.methods] == [4, 4]
 
 
-def test_notes_are_said_once(detections):
+def test_notes_are_not_repeated(detections):
     rig = ring(VIEWS).select(["cam_0", "cam_1", "cam_2"])
     found = compare_methods(rig, detections.views(list(rig.names)), list(METHODS), FIXED, timed=False)
     assert len(set(found.notes)) == len(found.notes)
     assert sum("drops no camera" in remark for remark in found.notes) == 1
 
 
-def test_a_method_that_finds_no_point_does_not_end_the_comparison(points, detections):
+def test_method_without_points_does_not_stop_the_comparison(points, detections):
     truth = truth_of(ring(VIEWS), skeleton_of(POINTS), points, 60.0)
     pixels = np.array(detections.dense()[0])
     pixels[:, 2:] = np.nan
@@ -126,7 +126,7 @@ def test_one_camera_is_refused(detections):
         compare_methods(one, detections.views(["cam_0"]), ["simple"], FIXED)
 
 
-def test_spread_by_hand():
+def test_spread_matches_hand_computed_values():
     found = spread_of(np.array([3.0, 1.0, np.inf, 2.0]))
     assert (found.median_px, found.p95_px) == (2.0, np.inf)
     assert found.at_shares_px[0] == 1.0
@@ -136,13 +136,13 @@ def test_spread_by_hand():
 
 
 class TestAcceleration:
-    def test_of_a_parabola(self):
+    def test_acceleration_of_a_parabola(self):
         time_s = np.arange(10) / 50
         points = np.zeros((10, 1, 3))
         points[:, 0, 2] = 0.5 * -9.81 * time_s**2
         assert acceleration_m_s2(truth_of(ring(2), skeleton_of(1), points, 50.0)) == pytest.approx(9.81)
 
-    def test_not_across_gaps_nor_without_a_rate(self):
+    def test_acceleration_needs_a_rate_and_consecutive_frames(self):
         points = np.zeros((4, 1, 3))
         points[2:, 0, 0] = 1.0
         result = truth_of(ring(2), skeleton_of(1), points, 50.0)
@@ -157,7 +157,7 @@ def test_numbers_of_a_single_result(detections):
     assert (row.method, row.min_views, row.cpu_ms_per_frame) == ("consensus", 2, 2.0)
 
 
-def test_the_truth_of_many():
+def test_truth_of_several_people():
     """Of three people one is not found, and one is 20 mm off."""
     scene = crowd(people=3)
     found = followed(scene)

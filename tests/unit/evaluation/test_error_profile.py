@@ -24,7 +24,7 @@ def result():
     return reconstruct(rig, replace(detections, keypoints_px=keypoints), simply)
 
 
-def test_each_axis_equals_a_loop(result):
+def test_every_axis_equals_a_naive_loop(result):
     layer = result.layers["measured"]
     errors = np.where(layer.view_status == ViewStatus.USED, layer.view_error_px, np.nan)[:, 0]
     found = error_profile([result])
@@ -39,13 +39,13 @@ def test_each_axis_equals_a_loop(result):
     assert found.missing_share == pytest.approx(np.isnan(layer.points_m).any(axis=-1).mean())
 
 
-def test_ranges_of_frames_change_nothing(result):
+def test_result_is_independent_of_frame_ranges(result):
     whole, parts = error_profile([result]), error_profile(result.chunks(7))
     for name in ("frame_numbers", "frame_mean_px", "view_p95_px", "keypoint_mean_px"):
         np.testing.assert_array_equal(getattr(whole, name), getattr(parts, name))
 
 
-def test_nothing_there_is_nan_and_silent(result):
+def test_empty_input_gives_nan_without_warnings(result):
     layer = result.layers["measured"]
     layer.view_status[:, :, 5] = ViewStatus.UNSEEN
     found = error_profile([result])

@@ -57,7 +57,7 @@ def test_reconstructions_of_several_people(rng):
 
 
 @pytest.mark.parametrize("scale", [0.057, 1.0, 3.0])
-def test_smaller_bodies_are_matched_within_as_much_less(rng, scale):
+def test_matching_distance_scales_with_the_body(rng, scale):
     truth = crowd(rng, 30, 3)
     points = truth + 0.02 * rng.normal(size=(30, 3, 1, 3))
     points[10:20, 0] += np.array([0.8, 0.0, 0.0])
@@ -98,7 +98,7 @@ def test_only_shared_frames_count(rng):
         people_points(replace(later, frame_numbers=np.arange(30) + 100), known)
 
 
-def test_the_truth_may_have_another_rate(rng):
+def test_truth_may_have_another_rate(rng):
     """People on straight lines, the truth at twice the rate: no error of the matching's own."""
     at = np.arange(41) / 50.0
     pose = body_points(rng, 2) + np.array([0.0, 4.0])[:, None, None]
@@ -110,7 +110,7 @@ def test_the_truth_may_have_another_rate(rng):
     assert found.mpjpe_mm < 1e-9
 
 
-def test_derived_keypoints_are_made_of_the_result_s(rng):
+def test_derived_keypoints_are_computed_from_the_result(rng):
     truth = crowd(rng, 10, 2)
     panoptic = find_skeleton("panoptic_19")
     known = np.zeros((10, 2, len(panoptic), 3))
@@ -130,7 +130,7 @@ def test_derived_keypoints_are_made_of_the_result_s(rng):
     assert found.ghosts[0].longest == 10
 
 
-def test_a_rigid_motion_of_both_and_the_order_of_people_change_nothing(rng):
+def test_scores_are_invariant_to_rigid_motion_and_person_order(rng):
     truth = crowd(rng, 20, 3)
     points = truth + 0.05 * rng.normal(size=truth.shape)
     points[5:8, 1] = np.nan
@@ -158,7 +158,7 @@ def flat(record: object) -> list[float]:
     return flat(list(vars(record).values())) if hasattr(record, "__dict__") else []
 
 
-def test_heads_are_made_of_keypoints_the_truth_lacks(rng):
+def test_heads_are_derived_from_keypoints_without_truth(rng):
     """A truth of Shelf's 14 joints with heads of its own, made here by Campus's rule from nose and ears."""
     points = crowd(rng, 10, 2)
     joints = joints_14(points, COCO, "campus")
@@ -176,7 +176,7 @@ def test_heads_are_made_of_keypoints_the_truth_lacks(rng):
     assert by_rule["shelf"].by_part[8] < 1
 
 
-def test_people_may_count_only_while_active(rng):
+def test_evaluation_can_be_limited_to_active_people(rng):
     """Lost for 5 of 20 frames, tentative in 2."""
     truth = result_of(crowd(rng, 20, 2))
     state = np.full((20, 2), TrackState.ACTIVE, dtype=np.int8)
@@ -189,7 +189,7 @@ def test_people_may_count_only_while_active(rng):
         only_in_states(truth, [TrackState.ACTIVE])
 
 
-def test_arrays_that_do_not_fit(rng):
+def test_arrays_of_other_shapes_are_refused(rng):
     truth = crowd(rng, 5, 2)
     with pytest.raises(ResultError, match="points_m: expected"):
         PeoplePoints(COCO, truth[..., :5, :], truth)
@@ -207,7 +207,7 @@ def test_arrays_that_do_not_fit(rng):
         ScoringOptions(gates_m=(0.0,))
 
 
-def test_a_minute_of_ten_people_takes_seconds(rng):
+def test_minute_of_ten_people_is_evaluated_in_seconds(rng):
     truth = crowd(rng, 1500, 10)
     points = truth + 0.02 * rng.normal(size=truth.shape)
     covariance = np.broadcast_to(4e-4 * np.eye(3), (*points.shape, 3))

@@ -19,7 +19,7 @@ def result():
     return followed(crowd())
 
 
-def test_innovations_by_hand(result):
+def test_innovations_match_hand_computed_values(result):
     shape = (result.n_frames, len(result.person_ids))
     nis, dof = np.full(shape, np.nan), np.zeros(shape, dtype=np.int32)
     nis[:3, 0], dof[:3, 0] = (10.0, 20.0, 90.0), (20, 20, 20)
@@ -33,7 +33,7 @@ def test_innovations_by_hand(result):
     assert third is None
 
 
-def test_people_one_by_one(result):
+def test_people_are_evaluated_separately(result):
     told = self_consistency(result)
     points = np.asarray(result.layers["model"].points_m)
     assert told.layer == "model"
@@ -44,11 +44,11 @@ def test_people_one_by_one(result):
     assert told.acceleration_m_s2 > 1.0
 
 
-def test_nothing_is_said_where_nobody_was_followed(result):
+def test_no_values_without_tracked_people(result):
     assert self_consistency(replace(result, poses=None)).innovations is None
 
 
-def test_noise_that_is_taken_for_smaller_surprises():
+def test_innovations_are_inverse_to_the_squared_noise_scale():
     scene = simulate_crowd(CrowdOptions(people=1, duration_s=3.0, seed=0, skeleton="body_20"))
     said = {}
     for scale_px in (9.0, 18.0):

@@ -53,7 +53,7 @@ def test_files_without_a_board_are_refused_with_the_option(tmp_path):
         read_board(tmp_path / "xy.csv", ("a",))
 
 
-def test_an_excluded_camera_survives_a_round_trip_and_its_view_is_not_used(tmp_path):
+def test_excluded_camera_survives_a_round_trip_and_its_view_is_not_used(tmp_path):
     rig = ring(4)
     anipose.write(replace(rig.select(rig.names[:3]), left_out=("cam_3",), notes=("Refined.",)), tmp_path / "r.toml")
     back = read_cameras(tmp_path / "r.toml")

@@ -26,7 +26,7 @@ def person(*keypoints: object, **more: object) -> list[dict[str, object]]:
     return [{"keypoints": list(keypoints), **more}]
 
 
-def test_a_hand_written_line_is_read():
+def test_hand_written_line_is_read():
     seen = READER.read(json.dumps(GOOD | {"frame": 3, "comment": "more is allowed"}).encode())
     assert isinstance(seen, ViewMessage)
     assert (seen.view, seen.time_s, seen.track_ids.tolist()) == (0, 0.5, [7])
@@ -35,7 +35,7 @@ def test_a_hand_written_line_is_read():
     np.testing.assert_array_equal(seen.confidence, [[0.5, nan, nan]])
 
 
-def test_a_line_without_people_is_read():
+def test_line_without_people_is_read():
     seen = READER.read(b'{"camera": "left", "time_s": -3, "people": []}')
     assert isinstance(seen, ViewMessage)
     assert seen.keypoints_px.shape == (0, 3, 2)
@@ -70,7 +70,7 @@ def test_one_coordinate_alone_is_missing():
         ({"people": person(None, None, None) * 5}, "too many people", "at most 4"),
     ],
 )
-def test_a_rejected_line_states_the_fault_and_reason(changes, fault, words):
+def test_rejected_line_states_the_fault_and_reason(changes, fault, words):
     found = refused(**changes)
     assert found.fault == fault
     assert words in found.reason

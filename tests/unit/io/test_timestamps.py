@@ -34,7 +34,7 @@ def table(path, header="camera,frame,time_s", rows=(("a", 0, 0.0), ("a", 1, 0.1)
     ("header", "factor"),
     [("camera,frame,time_s", 1), ("port,sync_index,frame_time", 1), ("View, Frame_Index, Timestamp_ns", 1e9)],
 )
-def test_a_table(header, factor, tmp_path):
+def test_table(header, factor, tmp_path):
     rows = [("b", 1, 0.12 * factor), ("b", 0, 0.02 * factor), ("a", 0, 0.0), ("a", 1, 0.1 * factor)]
     found = read_timestamps(table(tmp_path / "times.csv", header, rows))
     assert sorted(found.by_view) == ["a", "b"]
@@ -43,7 +43,7 @@ def test_a_table(header, factor, tmp_path):
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("seconds", 1), ("milliseconds", 1e3), ("nanoseconds", 1e9)])
-def test_a_folder_of_arrays(unit, factor, tmp_path):
+def test_folder_of_arrays(unit, factor, tmp_path):
     folder = tmp_path / "timestamps"
     folder.mkdir()
     for name in ("Camera_0_synchronized", "Camera_1_synchronized"):

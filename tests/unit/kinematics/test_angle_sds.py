@@ -67,7 +67,7 @@ def test_sampled_poses_have_the_predicted_spread(tree, seed):
     np.testing.assert_allclose(said[known], spread_of(angles[:, known]), rtol=0.05)
 
 
-def test_a_knee_by_hand():
+def test_knee_angle_matches_hand_computed_value():
     """Errors of 3 and 4 degrees of thigh and shank in the plane of the knee add up to 5."""
     turns, bones = np.tile(np.eye(3), (1, len(BODY.segments), 1, 1)), np.empty((1, len(BODY.bones), 3, 3))
     bones[:] = np.diag([1.0, -1.0, -1.0])
@@ -113,7 +113,7 @@ def test_sds_grow_with_errors_and_do_not_depend_on_the_world(rng):
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_a_part_on_a_forearm(seed):
+def test_angles_of_a_part_on_a_forearm(seed):
     rng = np.random.default_rng(seed)
     turns, bones = some_pose(BODY, rng)
     elbow, wrist = (BODY.bones.index(f"left_{name}") for name in ("elbow", "wrist"))
@@ -131,7 +131,7 @@ def test_a_part_on_a_forearm(seed):
     np.testing.assert_allclose(said, spread_of(relative_angles(axes, palms)), rtol=0.1)
 
 
-def test_a_hand_has_an_sd_for_each_angle(rng):
+def test_hand_has_an_sd_for_each_angle(rng):
     turns, bones = some_pose(HAND, rng)
     names, angles = joint_angles(HAND, turns, bones[..., 2])
     sds = joint_angle_sds(HAND, turns, bones, some_covariance(HAND, rng)[None])

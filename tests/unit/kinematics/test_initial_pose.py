@@ -7,7 +7,7 @@ from posefuse.kinematics.initial_pose import bone_vectors, turn_bones
 from tests.unit.tracking.test_track_initiation import SKELETON
 
 
-def test_bones_are_turned_to_where_they_are_shown(rng):
+def test_turned_bones_point_along_the_observed_vectors(rng):
     frames = Rotation.random(3, rng=rng).as_matrix()
     before = frames.copy()
     shown = np.array([-0.4 * frames[0][:, 2], [0.0, 0.3, 0.4], [np.nan, 0.0, 0.0]])
@@ -20,7 +20,7 @@ def test_bones_are_turned_to_where_they_are_shown(rng):
     np.testing.assert_array_equal(frames, untouched)
 
 
-def test_bones_go_from_joint_to_joint(rng):
+def test_bone_vectors_connect_joints(rng):
     tree = SKELETON.tree
     assert tree is not None
     points = rng.normal(size=(len(SKELETON), 3))

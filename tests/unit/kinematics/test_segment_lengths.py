@@ -50,7 +50,7 @@ def random_information(rng: np.random.Generator) -> np.ndarray:
     return root @ root.T
 
 
-def test_the_prior_comes_off_whole(rng):
+def test_prior_is_removed_completely(rng):
     information, measured = random_information(rng), rng.normal(0.0, 0.05, H)
     found, pull = length_information(TREE, *posterior(measured, information))
     np.testing.assert_allclose(found, information, rtol=1e-6, atol=1e-6 * np.abs(information).max())
@@ -87,7 +87,7 @@ def lasting(settings: TrackerSettings, look_s: float) -> float:
 @pytest.mark.parametrize(
     ("known_sd_m", "new_sd_m", "look_s"), [(0.005, 0.02, 0.12), (0.005, 0.05, 1.2), (0.03, 0.05, 0.12)]
 )
-def test_odds_are_a_likelihood_ratio(settings, known_sd_m, new_sd_m, look_s):
+def test_log_odds_equal_the_likelihood_ratio(settings, known_sd_m, new_sd_m, look_s):
     """For bodies sampled from the model, the odds are calibrated."""
     rng = np.random.default_rng(5)
     track = new_track(1, 0.0, BOUNDS)
@@ -123,7 +123,7 @@ def followed(
     return start_s + seconds
 
 
-def test_time_away_is_no_time_of_looking(settings, rng):
+def test_absence_does_not_count_as_observation(settings, rng):
     track = new_track(1, 0.0, BOUNDS)
     state = body(settings, *posterior(rng.normal(0.0, 0.05, H), random_information(rng)))
     now_s = followed(settings, track, state, 2.4, 0.0)
@@ -167,7 +167,7 @@ def test_pose_follows_corrected_lengths(settings, rng):
     assert before.root[0, 2] == pytest.approx(found.root[0, 2] + 0.5 * 0.02, abs=1e-6)
 
 
-def test_fixed_lengths_stay(settings, rng):
+def test_fixed_lengths_do_not_change(settings, rng):
     before = body(settings, TREE.shape_m + 0.01, 1e-4 * np.eye(H))
     before.free[0] = 0
     found = body(settings, TREE.shape_m, 1e-3 * np.eye(H))

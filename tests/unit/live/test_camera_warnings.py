@@ -6,7 +6,7 @@ from posefuse.live.statistics import ViewCounts
 GOOD = [False, False]
 
 
-def test_a_silent_camera_is_reported_once_and_when_it_returns():
+def test_silent_camera_is_reported_once_and_again_on_its_return():
     monitor, counts = CameraWarnings(["left", "right"]), [ViewCounts(), ViewCounts()]
 
     def second(*sends: bool) -> list[str]:
@@ -27,7 +27,7 @@ def test_a_silent_camera_is_reported_once_and_when_it_returns():
     assert said[-1].endswith("Further changes are only counted.")
 
 
-def test_a_wrong_clock_is_reported_as_early_or_late():
+def test_wrong_clock_is_reported_as_early_or_late():
     monitor, counts = CameraWarnings(["left", "right"]), [ViewCounts(), ViewCounts()]
     for count, used in ((counts[0], 25), (counts[1], 0)):
         count.received, count.used, count.early = 25, used, 25 - used

@@ -5,7 +5,7 @@ import threading
 from posefuse.live.line_queue import LineQueue
 
 
-def test_the_oldest_are_dropped_and_counted():
+def test_oldest_are_dropped_and_counted():
     queue = LineQueue(3, waits=False)
     for i in range(5):
         queue.put(b"%d" % i)
@@ -13,7 +13,7 @@ def test_the_oldest_are_dropped_and_counted():
     assert queue.lost == {"queue full": 2}
 
 
-def test_the_sender_waits_while_the_queue_is_full():
+def test_sender_waits_while_the_queue_is_full():
     queue = LineQueue(3, waits=True)
     thread = threading.Thread(target=lambda: [queue.put(b"%d" % i) for i in range(50)])
     thread.start()
@@ -26,7 +26,7 @@ def test_the_sender_waits_while_the_queue_is_full():
     assert not queue.lost
 
 
-def test_a_closed_queue_blocks_neither_side():
+def test_closed_queue_blocks_neither_side():
     queue = LineQueue(1, waits=True)
     queue.put(b"a")
     queue.close()

@@ -113,14 +113,14 @@ def test_times_of_day_give_the_same_people(scene, lines):
             np.testing.assert_allclose(*models, atol=1e-5)
 
 
-def test_the_last_reported_fault_of_a_kind_says_so(scene):
+def test_last_reported_fault_of_a_kind_says_so(scene):
     session = session_of(scene)
     said = [session.take(b"[]", 0.0) for _ in range(7)]
     assert [each is None for each in said] == [False] * 5 + [True] * 2
     assert "Further lines with this fault (wrong shape) are only counted." in (said[4] or "")
 
 
-def test_the_oldest_frames_are_dropped_when_tracking_is_behind(scene, lines):
+def test_oldest_frames_are_dropped_when_tracking_is_behind(scene, lines):
     session = session_of(scene)
     for time_s, line in lines[:80]:
         session.take(line, time_s)

@@ -50,7 +50,7 @@ def until(true: Callable[[], bool]) -> None:
     assert true()
 
 
-def test_tcp():
+def test_lines_over_tcp():
     with receiving("tcp://:0") as (address, queue):
         assert address.host == "127.0.0.1"
         place = (address.host, address.port)
@@ -74,7 +74,7 @@ def test_tcp_rejects_too_many_senders():
         assert queue.lost == {"more senders than max_connections": 1}
 
 
-def test_a_port_in_use_is_an_error():
+def test_port_in_use_is_an_error():
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         for kind in ("tcp", "zmq+pull"):
@@ -82,7 +82,7 @@ def test_a_port_in_use_is_an_error():
                 pass
 
 
-def test_unix(tmp_path: Path):
+def test_lines_over_a_unix_socket(tmp_path: Path):
     path = tmp_path / "s"
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as left_behind:
         left_behind.bind(str(path))
@@ -187,7 +187,7 @@ def test_nats_server():
         server.wait()
 
 
-def test_a_missing_nats_server_is_an_error():
+def test_missing_nats_server_is_an_error():
     pytest.importorskip("nats", reason="nats-py is not installed (extra live)")
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]

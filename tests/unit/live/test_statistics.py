@@ -9,7 +9,7 @@ from tests.properties import examples
 
 @given(st.lists(st.floats(1e-5, 100.0), min_size=1, max_size=200), st.floats(0.01, 1.0))
 @examples(60)
-def test_quantiles_are_right_to_six_percent(values, share):
+def test_quantiles_are_accurate_to_six_percent(values, share):
     latencies = Latencies()
     for value in values:
         latencies.add(value)

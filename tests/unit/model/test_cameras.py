@@ -48,7 +48,7 @@ def pose_with(rotation) -> np.ndarray:
         ({"matrix": "K"}, ["matrix must be an array of numbers"]),
     ],
 )
-def test_a_camera_that_cannot_be_is_refused_with_a_reason(changes, words):
+def test_invalid_cameras_are_refused_with_a_reason(changes, words):
     with pytest.raises(CameraError) as error:
         camera(**changes)
     for word in words:
@@ -56,7 +56,7 @@ def test_a_camera_that_cannot_be_is_refused_with_a_reason(changes, words):
 
 
 @pytest.mark.parametrize(("rotation", "translation"), [(np.zeros(4), np.zeros(3)), (np.eye(3), np.zeros(2))])
-def test_opencvs_pose_has_three_or_nine_and_three_numbers(rotation, translation):
+def test_opencv_pose_has_three_or_nine_and_three_numbers(rotation, translation):
     with pytest.raises(CameraError, match="got shapes"):
         Camera.from_opencv("c", (640, 480), np.diag([500.0, 500.0, 1.0]), (), rotation, translation)
 
@@ -115,15 +115,15 @@ class TestRig:
         with pytest.raises(CameraError, match="repeats cam"):
             CameraRig((camera_with("pinhole"), camera_with("barrel")), source="c.toml")
 
-    def test_a_rig_has_cameras(self):
+    def test_rig_needs_cameras(self):
         with pytest.raises(CameraError, match=r"at least one camera; c\.toml has none"):
             CameraRig((), source="c.toml")
 
-    def test_up_is_an_axis(self):
+    def test_up_axis_must_be_valid(self):
         with pytest.raises(CameraError, match="'up' is not an axis"):
             CameraRig(ring(2).cameras, up_axis="up")  # type: ignore[arg-type]
 
-    def test_cameras_by_name(self):
+    def test_cameras_are_selected_by_name(self):
         rig = ring(3)
         assert rig["cam_1"] is rig.cameras[1]
         assert rig.select(["cam_2", "cam_0"]).names == ("cam_2", "cam_0")

@@ -17,7 +17,7 @@ def people(detections: Detections, frame: int, view: int) -> np.ndarray:
     return np.asarray(detections.keypoints_px)[start:stop]
 
 
-def test_ranges_of_frames_put_together_are_the_whole(rng):
+def test_concatenated_ranges_equal_the_whole(rng):
     whole = ragged_detections(rng)
     parts = list(whole.chunks(4))
     assert [part.n_frames for part in parts] == [4, 2]
@@ -28,7 +28,7 @@ def test_ranges_of_frames_put_together_are_the_whole(rng):
     assert parts[1].frame_numbers.tolist() == [14, 15]
 
 
-def test_pieces_are_their_ranges_one_after_the_other(rng):
+def test_chunks_are_consecutive_ranges(rng):
     whole = ragged_detections(rng)
     joined = whole.pieces([(0, 2), (3, 6)])
     assert joined.frame_numbers.tolist() == whole.frame_numbers[[0, 1, 3, 4, 5]].tolist()
@@ -37,7 +37,7 @@ def test_pieces_are_their_ranges_one_after_the_other(rng):
             np.testing.assert_array_equal(people(joined, f, v), people(whole, of, v))
 
 
-def test_chosen_views_keep_their_people(rng):
+def test_selected_views_keep_their_people(rng):
     whole = ragged_detections(rng)
     chosen = whole.views(["view_2", "view_0"])
     for f in range(6):
@@ -47,7 +47,7 @@ def test_chosen_views_keep_their_people(rng):
         whole.views(["view2"])
 
 
-def test_rows_know_their_place(rng):
+def test_rows_have_their_frame_and_view(rng):
     whole = ragged_detections(rng)
     for f in range(6):
         for v in range(3):
@@ -62,7 +62,7 @@ def test_equality_is_by_content(rng):
     assert one != ragged_detections(np.random.default_rng(2))
 
 
-def test_dense_and_back(rng):
+def test_dense_arrays_round_trip(rng):
     pixels = rng.uniform(0, 100, (5, 2, 17, 2))
     pixels[1, 0, 3] = np.nan
     detections = Detections.from_dense(skeleton_of(17), ("a", "b"), pixels, rate_hz=25.0)
@@ -113,14 +113,14 @@ def test_mapping_to_another_skeleton(rng):
         ({"rate_hz": -1.0}, ["rate_hz must be positive"]),
     ],
 )
-def test_arrays_that_do_not_fit_are_refused(changes, words, rng):
+def test_arrays_of_other_shapes_are_refused(changes, words, rng):
     with pytest.raises(DetectionsError) as error:
         replace(ragged_detections(rng), **changes)
     for word in words:
         assert word in str(error.value)
 
 
-def test_infinities_are_refused_with_their_place(rng):
+def test_infinite_values_are_refused_with_their_index(rng):
     whole = ragged_detections(rng)
     keypoints = np.array(whole.keypoints_px)
     row = int(whole.offsets[3 * 3 + 1])

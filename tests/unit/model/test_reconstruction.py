@@ -22,7 +22,7 @@ def result(rng) -> Reconstruction:
     return reconstruct(rig, simulate_detections(rig, body_points(rng, 7), rng))
 
 
-def test_ranges_put_together_are_the_whole(result):
+def test_chunks_concatenate_to_the_whole(result):
     parts = list(result.chunks(3))
     assert [part.n_frames for part in parts] == [3, 3, 1]
     assert Reconstruction.concatenate(parts) == result
@@ -45,7 +45,7 @@ def test_equality_is_by_content(result):
     assert result != replace(result, layers={"measured": other})
 
 
-def test_what_does_not_fit_is_refused(result):
+def test_inconsistent_arrays_are_refused(result):
     layer = result.layers["measured"]
     with pytest.raises(ResultError, match=r"covariance_m2: expected the axes \(frame, person, keypoint, entry\)"):
         replace(layer, covariance_m2=np.zeros((7, 1, 17, 9)))
@@ -61,7 +61,7 @@ def test_what_does_not_fit_is_refused(result):
         Tracks(("a", "a"), np.zeros((1, 2, 1)), np.zeros((1, 2)))
 
 
-def test_the_best_layer_is_the_most_processed_one(result):
+def test_best_layer_is_the_most_processed_one(result):
     assert result.best_layer()[0] == "measured"
     both = replace(result, layers={"solved": result.layers["measured"], "measured": result.layers["measured"]})
     assert both.best_layer()[0] == "solved"
@@ -79,7 +79,7 @@ def test_derived_numbers_of_a_layer(result):
     assert layer.has_point.all()
 
 
-def test_every_status_has_a_sentence():
+def test_every_status_has_a_description():
     for code in (*PointStatus, *ViewStatus):
         assert code.sentence
         assert code.label == code.name.lower()

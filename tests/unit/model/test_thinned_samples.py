@@ -13,7 +13,7 @@ from tests.properties import examples
     st.lists(st.integers(0, 40), min_size=1, max_size=12).filter(lambda sizes: sum(sizes) > 0),
     st.integers(1, 60),
 )
-def test_what_is_kept_depends_on_the_frames_alone(sizes, rows):
+def test_sample_depends_on_the_frames_only(sizes, rows):
     values = np.arange(3.0 * sum(sizes)).reshape(-1, 3)
     whole, parts = Thinned(24 * rows), Thinned(24 * rows)
     whole.add(values)

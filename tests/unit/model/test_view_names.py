@@ -9,5 +9,5 @@ from posefuse.model.view_names import has_name
     ("view", "camera", "has"),
     [("2019-08-02-vid01-camA", "A", True), ("trial_top", "Top", True), ("trial_1", "10", False), ("camAB", "A", False)],
 )
-def test_a_camera_name_is_found_as_a_word_of_the_view_name(view, camera, has):
+def test_camera_name_matches_a_word_of_the_view_name(view, camera, has):
     assert has_name(view, camera) == has

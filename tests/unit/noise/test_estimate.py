@@ -69,7 +69,7 @@ def test_cameras_have_different_scales_where_noise_differs(rng):
     np.testing.assert_allclose(result.noise.scale_px, 2.0 * noisier, rtol=0.25)
 
 
-def test_a_constant_camera_error_is_not_taken_for_noise(rng):
+def test_constant_camera_error_is_not_counted_as_noise(rng):
     """What lasts says of no camera that it is the wrong one: all count alike."""
     data = walk(200)
     pixels = data.pixels.copy()
@@ -91,7 +91,7 @@ def test_confidence_regions_have_the_stated_coverage_under_heavy_tails(rng):
     assert 0.90 < inside.mean() < 0.97
 
 
-def test_a_point_beyond_the_fold_of_a_lens_is_tolerated(rng):
+def test_point_beyond_the_fold_of_a_lens_is_tolerated(rng):
     rig = build_rig("ring", 4, "barrel")
     pixels = np.moveaxis(rig.project(body_points(rng, 60)), 0, 1) + rng.standard_normal((60, 4, 17, 2))
     pixels[7, :, 3] = [[1825.77, 639.55], [111.71, 688.24], [643.61, 464.68], [1437.14, 416.14]]
@@ -117,7 +117,7 @@ def test_noise_is_assumed_with_too_few_points(rng):
 
 
 @pytest.mark.parametrize(("exponent", "nu"), [(0.0, 100.0), (1.0, 3.0), (0.5, 6.0)])
-def test_the_error_model_is_calibrated_by_leaving_views_out(exponent, nu, rng):
+def test_error_model_is_calibrated_by_leaving_views_out(exponent, nu, rng):
     rig = ring(5)
     truth = body_points(rng, 300)
     confidence = rng.uniform(0.3, 1.0, (300, 5, 17))
@@ -136,7 +136,7 @@ def test_calibration_with_too_few_points_is_an_error(rng):
         calibrate_noise(rig, simulate_detections(rig, body_points(rng, 1), rng))
 
 
-def test_a_calibrated_noise_is_used_by_camera_name(rng):
+def test_calibrated_noise_is_used_by_camera_name(rng):
     rig = ring(4)
     detections = simulate_detections(rig, body_points(rng, 20), rng)
     noise = NoiseOptions(("cam_3", "cam_1", "cam_0", "cam_2", "spare"), (4.0, 2.0, 1.0, 3.0, 9.0), 1.5, 3.0)

@@ -76,7 +76,7 @@ def test_people_of_two_windows_equal_those_of_one_run(tmp_path):
     assert list((tmp_path / "x").glob("*.todo")) == []
 
 
-def test_an_interrupted_run_resumes_from_finished_pieces(tmp_path):
+def test_interrupted_run_resumes_from_finished_pieces(tmp_path):
     """Measured pieces are finished at the interruption; one is damaged before the run resumes."""
     scene = simulate(SceneOptions(duration_s=40.0, rate_hz=60.0, cameras=3, seed=2))
     options = Options(solve="frame", pairs="labels", postprocess=PostprocessOptions(smooth=("butterworth",)))
@@ -103,7 +103,7 @@ def test_an_interrupted_run_resumes_from_finished_pieces(tmp_path):
 
 @pytest.mark.long
 @pytest.mark.parametrize("solve", ["frame", "trajectory"])
-def test_a_crowd_of_three_windows_equals_one_run(tmp_path, solve):
+def test_crowd_of_three_windows_equals_one_run(tmp_path, solve):
     scene = crowd_of(120.0, 4, 1)
     options = Options(people="many", solve=solve, noise_scale_px=14.0)
     options = replace(options, tracker=replace(options.tracker, terminate_after_s=5.0))
@@ -118,6 +118,6 @@ def test_points_of_one_subject_are_bitwise_equal(tmp_path):
     assert pieces == whole
 
 
-def test_a_recording_of_two_windows_is_long():
+def test_recording_of_two_windows_is_long():
     scene = simulate(SceneOptions(duration_s=1.0, rate_hz=50.0, cameras=2))
     assert [is_long(scene.detections, Options(), window_s) for window_s in (0.4, 0.5, 0.6)] == [True, True, False]

@@ -36,7 +36,7 @@ class TestMatching:
         assert rig.names == ("cam_02", "cam_01")
         assert "cam02_json = cam_02, Cam01 = cam_01" in notes[0]
 
-    def test_never_by_position(self):
+    def test_views_are_not_matched_by_position(self):
         with pytest.raises(
             MatchError, match=r"View '0' has no camera of its name.*Cameras: left, right.*--camera-order"
         ):
@@ -48,7 +48,7 @@ class TestMatching:
         assert rig.names == ("right", "left")
 
     @pytest.mark.parametrize("order", [("left",), ("left", "left"), ("left", "rihgt")])
-    def test_an_order_must_name_each_once(self, order):
+    def test_camera_order_must_name_each_camera_once(self, order):
         with pytest.raises(MatchError, match="camera_order must name one|Did you mean 'right'"):
             match_views(named(ring(2), "left", "right"), views("0", "1"), Options(camera_order=order))
 
@@ -60,7 +60,7 @@ class TestMatching:
         with pytest.raises(MatchError, match="Views cam1, cam_1_json all match camera 'cam_1'"):
             match_views(named(ring(2), "cam_1", "cam_2"), views("cam1", "cam_1_json"), Options())
 
-    def test_choosing_and_leaving_out(self):
+    def test_cameras_are_selected_and_excluded(self):
         rig = named(ring(3), "a", "b", "c")
         chosen, detections, _ = match_views(rig, views("a", "b", "c"), Options(cameras=("c", "a")))
         assert chosen.names == ("c", "a") == detections.view_names
@@ -87,34 +87,34 @@ class TestMatching:
 
 
 class TestTime:
-    def test_cut(self, rng):
+    def test_time_range_is_cut(self, rng):
         rig = ring(3)
         detections = simulate_detections(rig, body_points(rng, 20), rng, rate_hz=10.0)
         result = reconstruct(rig, detections, Options(start_s=0.5, end_s=1.0))
         assert result.frame_numbers.tolist() == [5, 6, 7, 8, 9]
         np.testing.assert_allclose(result.time_s, np.arange(5, 10) / 10)
 
-    def test_nothing_left(self, rng):
+    def test_empty_time_range_is_an_error(self, rng):
         rig = ring(3)
         detections = simulate_detections(rig, body_points(rng, 20), rng, rate_hz=10.0)
         with pytest.raises(DetectionsError, match=r"No frame lies between.*runs from 0\.000 s to 1\.900 s"):
             reconstruct(rig, detections, Options(start_s=5.0))
 
-    def test_times_must_be_known(self, rng):
+    def test_time_range_needs_times(self, rng):
         rig = ring(3)
         detections = simulate_detections(rig, body_points(rng, 2), rng, rate_hz=None)
         with pytest.raises(DetectionsError, match="Add --rate-hz"):
             reconstruct(rig, detections, Options(start_s=1.0))
         assert np.isnan(reconstruct(rig, detections).time_s).all()
 
-    def test_no_frames(self, rng):
+    def test_recording_without_frames_is_an_error(self, rng):
         rig = ring(3)
         with pytest.raises(DetectionsError, match="empty"):
             reconstruct(rig, simulate_detections(rig, body_points(rng, 2), rng).frames(0, 0))
 
 
 class TestMinViews:
-    def test_lowered_once_with_a_warning(self, rng):
+    def test_min_views_is_lowered_once_with_a_warning(self, rng):
         rig = ring(2)
         simply = Options(triangulation=TriangulationOptions(method="simple"))
         with pytest.warns(PosefuseWarning, match="min_views lowered from 3 to 2: the rig has 2 cameras") as said:
@@ -123,7 +123,7 @@ class TestMinViews:
         assert (result.layers["measured"].status == PointStatus.TWO_VIEWS).all()
         assert result.resolved.triangulation.min_views == 2
 
-    def test_default_is_the_methods(self, rng):
+    def test_min_views_defaults_to_that_of_the_method(self, rng):
         rig = ring(3)
         simply = Options(triangulation=TriangulationOptions(method="simple"))
         detections = simulate_detections(rig, body_points(rng, 5), rng).views(rig.names[:2])
@@ -135,7 +135,7 @@ class TestMinViews:
 
 
 class TestOneCamera:
-    def test_flat(self, rng):
+    def test_result_is_in_the_image_plane(self, rng):
         rig = ring(1)
         detections = simulate_detections(rig, body_points(rng, 4), rng)
         result = reconstruct(rig, detections)
@@ -147,7 +147,7 @@ class TestOneCamera:
         assert (layer.status == PointStatus.SINGLE_VIEW).all()
         assert np.isnan(layer.reprojection_error_px).all()
 
-    def test_with_the_detectors_depth(self, rng):
+    def test_depth_of_the_detector_is_used(self, rng):
         rig = ring(1)
         pixels = np.moveaxis(rig.project(body_points(rng, 4)), 0, 1)
         depth = rng.normal(size=(4, 1, 17))
@@ -158,7 +158,7 @@ class TestOneCamera:
         np.testing.assert_array_equal(layer.points_m[:, 0, :, 2], depth[:, 0])
         assert layer.status[2, 0, 3] == PointStatus.NOT_SEEN
 
-    def test_depth_must_be_there(self, rng):
+    def test_depth_must_be_available(self, rng):
         rig = ring(1)
         options = Options(triangulation=TriangulationOptions(flatten_single_view=False))
         with pytest.raises(DetectionsError, match="these keypoints have none"):
@@ -187,7 +187,7 @@ def test_long_recordings_are_reconstructed_in_ranges(rng):
     np.testing.assert_array_equal(whole.layers["measured"].points_m[2040:2060], part.layers["measured"].points_m)
 
 
-def test_triangulate_measures(rng):
+def test_triangulate_returns_the_measured_layer(rng):
     rig = ring(3)
     detections = simulate_detections(rig, body_points(rng, 5), rng)
     measured = triangulate(rig, detections)
@@ -197,7 +197,7 @@ def test_triangulate_measures(rng):
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(1000.0, "m"), (0.1, None)])
-def test_a_wrong_scale_is_reported(factor, unit, rng):
+def test_wrong_scale_is_reported(factor, unit, rng):
     from posefuse.synthetic.options import SceneOptions
     from posefuse.synthetic.scenes import simulate
 

@@ -46,7 +46,7 @@ def test_no_postprocessing_gives_no_solved_layer(scene):
     assert list(result.layers) == ["measured"]
 
 
-def test_the_measured_layer_is_unchanged_and_sources_are_correct(scene):
+def test_measured_layer_is_unchanged_and_sources_are_correct(scene):
     result = with_gaps(scene, fill="pchip", smooth=("butterworth",))
     plain = posefuse.reconstruct(scene.rig, scene.detections, Options(solve="frame"))
     assert list(result.layers) == ["measured", "solved"]
@@ -146,7 +146,7 @@ def test_filters_without_times_are_an_error(scene):
         posefuse.reconstruct(scene.rig, timeless, Options(solve="frame", postprocess=EVERYTHING))
 
 
-def test_one_camera(scene):
+def test_single_camera(scene):
     detections = scene.detections.views(["cam_0"])
     result = posefuse.reconstruct(
         scene.rig.select(["cam_0"]), detections, Options(solve="frame", postprocess=EVERYTHING)
@@ -160,7 +160,7 @@ def trajectory_plan(scene):
     return prepare(scene.rig, scene.detections, Options(solve="trajectory"), Silent())
 
 
-def test_the_trajectory_is_more_accurate_than_single_frames(scene, trajectory_plan):
+def test_trajectory_is_more_accurate_than_single_frames(scene, trajectory_plan):
     assert trajectory_plan.options.solve == "trajectory"
     result = Reconstruction.concatenate(list(reconstruct_chunks(trajectory_plan, Silent())))
     solved = result.layers["solved"]
@@ -217,7 +217,7 @@ def test_windows_of_a_trajectory_join_smoothly():
     assert np.abs(np.log(np.asarray(cut.sd_m)[there] / np.asarray(whole.sd_m)[there])).max() < 0.005
 
 
-def test_a_trajectory_needs_times_and_two_cameras(scene):
+def test_trajectory_needs_times_and_two_cameras(scene):
     timeless = replace(scene.detections, time_s=np.full_like(scene.detections.time_s, np.nan), rate_hz=None)
     with pytest.raises(DetectionsError, match="--rate-hz"):
         resolve_solve(Options(solve="trajectory"), RecordingFacts.of(timeless), 3)

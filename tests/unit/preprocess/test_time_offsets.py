@@ -39,7 +39,7 @@ def test_keypoints_of_a_late_view_are_interpolated_to_frame_times():
     assert shown[:, 0] == pytest.approx(10.0 * np.arange(40))
 
 
-def test_a_clock_drift_is_corrected():
+def test_clock_drift_is_corrected():
     frames = np.arange(200)
     detections = straight(0.0, 200)
     pixels = detections.dense()[0].copy()
@@ -63,7 +63,7 @@ def test_gaps_of_more_than_two_frames_are_not_interpolated():
     assert np.isfinite(shown[[21, 26], 1]).all()
 
 
-def test_a_view_without_offset_is_unchanged():
+def test_view_without_offset_is_unchanged():
     detections = straight(0.0)
     shown = put(detections, SyncOptions(("b",), (0.0,), (0.05 / RATE,), (0.0,)))
     assert (shown == detections.dense()[0][..., 0, 0]).all()

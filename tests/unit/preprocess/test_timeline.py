@@ -66,7 +66,7 @@ def test_half_the_rate():
     )
 
 
-def test_the_faster_view_can_be_the_reference():
+def test_faster_view_can_be_the_reference():
     found = align_views(of_views(np.arange(40) / 60, np.arange(20) / 30), "view_0")
     assert found.n_frames == 40
     assert found.recorded[:, 1].tolist() == [True, False] * 20
@@ -86,7 +86,7 @@ def test_gaps_stay_gaps_and_frames_beyond_the_reference_are_kept():
 
 @given(seed=st.integers(0, 2**31), shift=st.integers(1, 25), view=st.integers(0, 2))
 @examples(40)
-def test_the_start_of_a_file_does_not_matter_with_times(seed, shift, view):
+def test_start_of_a_file_does_not_matter_with_times(seed, shift, view):
     """The same frames, counted by one file from another moment."""
     rng = np.random.default_rng(seed)
     times = [jittered(rng, 60, 30.0, start=rng.uniform(0, 0.005)) for _ in range(3)]
@@ -139,7 +139,7 @@ def test_each_frame_is_used_once_within_half_a_period_and_alignment_is_idempoten
     np.testing.assert_allclose(pixels[found.recorded][:, 0, 0], 100.0 * found.time_s[found.recorded])
 
 
-def test_the_rate_follows_from_frame_numbers():
+def test_rate_follows_from_frame_numbers():
     """Times rounded to a tenth of a millisecond, and a view that has every other frame only."""
     times = np.round(np.arange(100) / 60, 4)
     assert nominal_rate_hz(np.arange(100), times) == pytest.approx(60, rel=1e-4)

@@ -56,7 +56,7 @@ def test_files_are_weighted_while_they_are_read(rng, tmp_path):
     assert weighted(stored, 4.5, 0.2) == weighted(given, 4.5, 0.2)
 
 
-def test_a_derived_keypoint_gets_the_largest_deviation_of_its_parts(rng):
+def test_derived_keypoint_gets_the_largest_deviation_of_its_parts(rng):
     body, other = find_skeleton("coco_17"), find_skeleton("body_20")
     given = with_sigma(rng, replace(ragged_detections(rng, keypoints=17), skeleton=body))
     found = np.asarray(given.to_skeleton(other).sigma_px)

@@ -35,7 +35,7 @@ def data_of(page: str) -> dict:
     return json.loads(found.group(1))
 
 
-def test_people_is_in_the_scene(scene, result):
+def test_people_are_in_the_scene(scene, result):
     shown = data_of(render_report(result, scene.truth))["scene"]
     assert shown["people"] == list(result.person_ids)
     assert [layer["name"] for layer in shown["layers"]] == ["model", "measured"]

@@ -34,7 +34,7 @@ def part(name: str) -> Part:
     return next(each for each in WHOLE.parts if each.name == name)
 
 
-def test_whole_body_skeletons_have_hands_and_others_have_nothing():
+def test_only_whole_body_skeletons_have_parts():
     names = {name: [each.name for each in shipped_skeleton(name).parts] for name in shipped_skeletons()}
     assert names["coco_wholebody_133"] == names["openpose_137"] == ["left_hand", "right_hand", "face"]
     assert names["mediapipe_holistic_543"] == ["left_hand", "right_hand"]
@@ -43,7 +43,7 @@ def test_whole_body_skeletons_have_hands_and_others_have_nothing():
 
 
 @pytest.mark.parametrize("skeleton", ["coco_wholebody_133", "openpose_137", "mediapipe_holistic_553"])
-def test_no_keypoint_is_of_two_trees_and_every_point_of_a_part_has_a_node(skeleton):
+def test_every_keypoint_is_in_one_tree_and_every_part_keypoint_has_a_node(skeleton):
     whole = shipped_skeleton(skeleton)
     assert whole.tree is not None
     mine = np.concatenate([each.keypoints for each in whole.parts])
@@ -55,12 +55,12 @@ def test_no_keypoint_is_of_two_trees_and_every_point_of_a_part_has_a_node(skelet
         assert names == [whole.keypoints[k] for k in each.keypoints]
 
 
-def test_a_whole_body_133_is_modeled_whole():
+def test_all_133_keypoints_of_a_whole_body_are_modeled():
     modeled = (BODY.keypoint_nodes >= 0).sum() + sum(len(each.keypoints) for each in WHOLE.parts)
     assert modeled == len(WHOLE) == 133
 
 
-def test_a_right_hand_is_the_mirror_image_of_a_left_one():
+def test_right_hand_mirrors_the_left_hand():
     left, right = part("left_hand"), part("right_hand")
     np.testing.assert_array_equal(WHOLE.mirror[left.keypoints], right.keypoints)
     np.testing.assert_allclose(standing(right.tree), standing(left.tree) * MIRROR, atol=1e-12)
@@ -69,7 +69,7 @@ def test_a_right_hand_is_the_mirror_image_of_a_left_one():
     assert WHOLE.keypoints[right.at] == "right_wrist"
 
 
-def test_a_face_is_its_own_mirror_image():
+def test_face_is_symmetric():
     face = part("face")
     points = standing(face.tree)[face.tree.keypoint_nodes]
     places = {k: i for i, k in enumerate(face.keypoints.tolist())}
@@ -79,7 +79,7 @@ def test_a_face_is_its_own_mirror_image():
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_fingers_bend_into_the_palm_and_not_out_of_it(side):
+def test_fingers_bend_towards_the_palm_only(side):
     tree = part(f"{side}_hand").tree
     far, near = np.array([0.5, 0.0, -0.8]), np.array([0.0, 0.0, -1.0])
     hinges = [limit for limit in tree.limits if limit.kind == HINGE]
@@ -90,7 +90,7 @@ def test_fingers_bend_into_the_palm_and_not_out_of_it(side):
         assert -inwards < limit.least
 
 
-def test_a_face_of_points_beside_points_stands_where_it_is_put(rng):
+def test_initial_pose_of_a_face_recovers_its_rotation(rng):
     tree = part("face").tree
     truth = standing(tree)
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
@@ -102,7 +102,7 @@ def test_a_face_of_points_beside_points_stands_where_it_is_put(rng):
     np.testing.assert_allclose(turns, np.stack([turn, turn]), atol=0.05)
 
 
-def test_a_point_beside_a_point_has_no_lengths_of_its_own():
+def test_offset_points_add_no_lengths():
     table = {
         "segments": {"trunk": {}},
         "points": {
@@ -118,7 +118,7 @@ def test_a_point_beside_a_point_has_no_lengths_of_its_own():
         parse_tree({**table, "points": {"lid": ["ear", 0.0, 0.0, 0.1]}}, ["lid"], {}, "thing")
 
 
-def test_parts_come_back_from_a_file_as_they_went():
+def test_parts_round_trip():
     back = skeleton_from_text(skeleton_text(WHOLE))
     for mine, theirs in zip(WHOLE.parts, back.parts, strict=True):
         assert (mine.name, mine.at, mine.like) == (theirs.name, theirs.at, theirs.like)
@@ -132,7 +132,7 @@ def test_parts_come_back_from_a_file_as_they_went():
     assert read.size_m == mouse.tree.size_m
 
 
-def test_a_part_that_is_not_there_is_named():
+def test_missing_part_is_named():
     with pytest.raises(SkeletonError, match=r"No shared body 'wing'.*hand"):
         parse_parts({"parts": ["wing"]}, WHOLE.tree, WHOLE.keypoints, {}, "thing")
     with pytest.raises(SkeletonError, match="tree.parts must be a list of names"):

@@ -50,7 +50,7 @@ def at_rest(tree: Tree) -> dict[str, np.ndarray]:
     return {node.name: point for node, point in zip(tree.nodes, points, strict=True)}
 
 
-def test_a_standing_body_is_where_its_table_says():
+def test_rest_pose_matches_the_table():
     points = at_rest(tree_of())
     shin = 0.38 * np.array([0.1, 0.2, -1.0]) / np.linalg.norm([0.1, 0.2, -1.0])
     np.testing.assert_allclose(points["left_hip"], [0.0, 0.1, 0.02], atol=1e-12)
@@ -60,7 +60,7 @@ def test_a_standing_body_is_where_its_table_says():
 
 
 @pytest.mark.parametrize("name", [name for name in shipped_skeletons() if shipped_skeleton(name).tree is not None])
-def test_a_standing_body_is_its_own_mirror_image(name):
+def test_rest_pose_is_symmetric(name):
     skeleton = shipped_skeleton(name)
     assert skeleton.tree is not None
     points = at_rest(skeleton.tree)
@@ -85,19 +85,19 @@ def test_sides_share_their_lengths():
         assert tree.nodes[tree.node(left)].shape == tree.nodes[tree.node(right)].shape
 
 
-def test_a_coordinate_of_zero_is_nobodys_own():
+def test_zero_coordinate_has_no_length_parameter():
     hip = tree_of().nodes[tree_of().node("left_hip")]
     assert hip.shape[0] == -1
     assert min(hip.shape[1:]) >= 0
 
 
-def test_numbers_of_a_pose_are_counted():
+def test_pose_parameters_are_counted():
     tree = tree_of()
     assert tree.n_pose == 3 + 3 * 2 + 2 * 4
     assert tree.n_shape == len(tree.shape_m) == 7
 
 
-def test_points_without_keypoints_are_left_out_unless_keypoints_hang_on_them():
+def test_points_without_keypoints_are_omitted_unless_they_have_children():
     assert {node.name for node in tree_of().nodes} >= {"pelvis", "neck", "nose"}
     legs = tree_of(KEYPOINTS[1:])
     assert {node.name for node in legs.nodes} == {"pelvis", *KEYPOINTS[1:]}
@@ -108,7 +108,7 @@ def test_points_without_keypoints_are_left_out_unless_keypoints_hang_on_them():
     np.testing.assert_array_equal(hidden.keypoint_nodes, [hidden.node("left_ankle"), hidden.node("right_ankle")])
 
 
-def test_keypoints_that_no_table_names_have_no_node():
+def test_keypoints_missing_in_the_table_have_no_node():
     tree = tree_of([*KEYPOINTS, "tail"])
     assert tree.keypoint_nodes[-1] == -1
     assert (tree.keypoint_nodes[:-1] >= 0).all()
@@ -136,7 +136,7 @@ def test_limits_hold_for_both_sides():
     assert twist.least == pytest.approx(np.cos(np.radians(80.0)))
 
 
-def test_a_hinge_bends_the_same_way_on_both_sides():
+def test_hinge_bends_the_same_way_on_both_sides():
     """Of a limb bent in any plane, and its mirror image, both overstep their hinge or neither does."""
     tree = tree_of(hinges={"left_ankle": ["pelvis", [0.3, 1.0, 0.2]]})
     left, right = (limit for limit in tree.limits if limit.kind == HINGE)
@@ -147,7 +147,7 @@ def test_a_hinge_bends_the_same_way_on_both_sides():
         assert np.cross(thigh * mirror, shin * mirror) @ right.axis == pytest.approx(here)
 
 
-def test_spread_is_of_each_length_and_of_all_together():
+def test_shape_covariance_has_individual_and_common_parts():
     tree = tree_of(spread=0.1, size_spread=0.2)
     knee, ankle = tree.shape_names.index("left_knee"), tree.shape_names.index("left_ankle")
     assert tree.shape_covariance[knee, knee] == pytest.approx((0.1**2 + 0.2**2) * 0.4**2)
@@ -155,7 +155,7 @@ def test_spread_is_of_each_length_and_of_all_together():
     assert np.linalg.eigvalsh(tree.shape_covariance).min() > 0
 
 
-def test_size_says_what_lengths_in_options_are():
+def test_size_scales_lengths_of_options():
     assert tree_of().scale == 1.0
     assert tree_of(size_m=ADULT_M / 10).scale == pytest.approx(0.1)
     # How far a small body's points are off is small too.
@@ -191,7 +191,7 @@ def test_size_says_what_lengths_in_options_are():
         ({"bones": {"left_knee": ["left_hop", 0.4]}}, "points left_knee of the tree have unknown parents"),
     ],
 )  # fmt: skip
-def test_errors_say_what_is_wrong_and_what_there_is(changes, message):
+def test_errors_name_the_fault_and_valid_names(changes, message):
     if "hinges" not in changes:
         changes = {"hinges": {}, **changes}
     if "bones" in changes:
@@ -203,7 +203,7 @@ def test_errors_say_what_is_wrong_and_what_there_is(changes, message):
     assert "'thing'" in str(caught.value)
 
 
-def test_a_shared_body_must_exist():
+def test_referenced_body_must_exist():
     with pytest.raises(SkeletonError, match=r"No shared body 'humna'. Did you mean 'human'"):
         shared_body("humna")
     with pytest.raises(SkeletonError, match="tree must be a table or the name of a shared body, got 3"):
@@ -219,7 +219,7 @@ def ring(spread: float = 0.1) -> Tree:
     return spanning_tree(list("abcdefg"), EDGES, lengths, spread, 5.0, np.array([0, 2, 1, 4, 3, 5, 6]))
 
 
-def test_edges_are_a_tree_of_bones():
+def test_edges_form_a_tree_of_bones():
     tree = ring()
     assert tree.nodes[0].name == "a"
     parents = {node.name: tree.nodes[node.parent].name for node in tree.nodes[1:]}
@@ -228,7 +228,7 @@ def test_edges_are_a_tree_of_bones():
     assert (tree.n_pose, tree.size_m) == (3 + 2 * 5, 5.0)
 
 
-def test_mirrored_edges_are_of_one_length():
+def test_mirrored_edges_share_one_length():
     tree = ring(0.3)
     assert tree.shape_names == ("b", "f", "d")
     np.testing.assert_allclose(tree.shape_m, [1.0, 3.0, 2.0])
@@ -236,7 +236,7 @@ def test_mirrored_edges_are_of_one_length():
     assert tree.nodes[tree.node("c")].place_m[2] == 1.0
 
 
-def test_a_tree_of_which_only_the_size_is_known():
+def test_tree_from_edges_with_known_size():
     text = 'name = "worm"\nkeypoints = ["head", "middle", "tail"]\nedges = [["head", "middle"], ["middle", "tail"]]\n'
     tree = parse_skeleton(f"{text}[tree]\nsize_m = 0.02", "worm.toml").tree
     assert tree is not None

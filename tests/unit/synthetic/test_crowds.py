@@ -90,7 +90,7 @@ class TestTruth:
                         np.ptp(np.linalg.norm(bone[np.isfinite(bone).all(axis=(1, 2))], axis=-1), axis=0).max() < 1e-9
                     )
 
-    def test_people_are_there_when_said_and_nothing_in_between(self, any_scene):
+    def test_people_are_present_only_in_their_spans(self, any_scene):
         points = points_of(any_scene)
         there = np.isfinite(points).all(axis=(2, 3))
         for p in range(points.shape[1]):
@@ -101,11 +101,11 @@ class TestTruth:
         assert (status[there] == PointStatus.OK).all()
         assert any_scene.truth.person_ids == tuple(f"person_{p + 1}" for p in range(points.shape[1]))
 
-    def test_nobody_walks_through_anybody(self, any_scene):
+    def test_people_do_not_walk_through_each_other(self, any_scene):
         hugging = any(span.what == "hug" for span in any_scene.spans)
         assert gaps_of(any_scene).min() > (0.2 if hugging else 0.35)
 
-    def test_people_walk_on_the_floor_at_a_walk(self, any_scene):
+    def test_people_walk_on_the_floor_at_walking_speed(self, any_scene):
         points, rate_hz = points_of(any_scene), any_scene.detections.rate_hz
         hips = points[:, :, any_scene.truth.skeleton.index("mid_hip")]
         pace = np.linalg.norm(np.diff(hips, axis=0), axis=-1) * rate_hz
@@ -120,7 +120,7 @@ class TestTruth:
         assert (gaps_of(crowd) < 1.0).mean() > 0.1
         assert np.ptp(bearing) > np.pi
 
-    def test_the_same_walk_at_any_rate(self):
+    def test_walk_is_independent_of_the_frame_rate(self):
         slow, fast = (simulate_crowd(CrowdOptions("crowd", duration_s=8.0, rate_hz=hz)) for hz in (25.0, 100.0))
         np.testing.assert_allclose(points_of(slow), points_of(fast)[::4], atol=1e-9)
 
@@ -135,7 +135,7 @@ class TestTruth:
 
 class TestScenarios:
     @pytest.mark.parametrize("seed", range(3))
-    def test_a_hug_is_merged_everywhere_for_at_most_one_and_a_half_seconds(self, seed):
+    def test_hug_is_merged_in_all_views_for_at_most_1_5_s(self, seed):
         scene = simulate_crowd(CrowdOptions("hug", seed=seed))
         frame, view = cells_of(scene)
         merged = np.zeros((scene.detections.n_frames, len(scene.rig)), dtype=bool)
@@ -147,7 +147,7 @@ class TestScenarios:
         assert gaps_of(scene)[during(scene, hug)].max() < 0.45
 
     @pytest.mark.parametrize("equal", [False, True])
-    def test_huggers_swap_places_and_differ_by_8_percent_or_not(self, equal):
+    def test_people_in_a_hug_swap_places_and_differ_in_stature_by_8_percent(self, equal):
         scene = simulate_crowd(CrowdOptions("hug", seed=4, equal_statures=equal))
         skeleton, points = scene.truth.skeleton, points_of(scene)
         apart = np.subtract(*(points[:, p, skeleton.index("mid_hip")] for p in (0, 1)))
@@ -158,7 +158,7 @@ class TestScenarios:
         )
         assert thigh.max() / thigh.min() == pytest.approx(1.0 if equal else 1.08)
 
-    def test_one_leaves_for_five_seconds_and_another_stays(self):
+    def test_one_person_leaves_for_five_seconds(self):
         scene = simulate_crowd(CrowdOptions("leave", seed=2))
         there = np.isfinite(points_of(scene)[..., 0]).all(axis=-1)
         assert there[:, 0].all()
@@ -166,7 +166,7 @@ class TestScenarios:
         assert there[[0, -1], 1].all()
 
     @pytest.mark.parametrize("cameras", [5, 8])
-    def test_one_camera_alone_sees_a_person_for_two_seconds(self, cameras):
+    def test_single_camera_shows_a_person_for_two_seconds(self, cameras):
         scene = simulate_crowd(CrowdOptions("one_camera", cameras=cameras, seed=3))
         span = span_of(scene, "hidden")
         seen = seen_by(scene)[during(scene, span), span.person]
@@ -175,7 +175,7 @@ class TestScenarios:
         assert seen[:, span.view].mean() > 0.9
         assert seen_by(scene)[during(scene, span), 1 - span.person].sum(axis=1).mean() > 0.6 * cameras
 
-    def test_a_dark_camera_shows_nothing_for_ten_seconds(self):
+    def test_dark_camera_has_no_detections_for_ten_seconds(self):
         scene = simulate_crowd(CrowdOptions("dark"))
         span = span_of(scene, "dark")
         assert span.to_s - span.from_s == pytest.approx(10.0)
@@ -184,7 +184,7 @@ class TestScenarios:
         assert counts[~during(scene, span), span.view].mean() > 2
         assert np.delete(counts[during(scene, span)], span.view, axis=1).mean() > 2
 
-    def test_a_bumped_camera_has_turned_by_twenty_degrees(self):
+    def test_bumped_camera_is_rotated_by_twenty_degrees(self):
         scene = simulate_crowd(CrowdOptions("bumped", detector=EXACT, faults=NO_FAULTS))
         span = span_of(scene, "bumped")
         old, new = scene.rig.cameras[span.view], scene.true_rig.cameras[span.view]
@@ -210,14 +210,14 @@ class TestDetector:
         still = np.broadcast_to(points, (n_frames, *points.shape))
         return crowd_of_points(still, rig, one.skeleton, 25.0, detector=law, faults=faults, **options)
 
-    def test_without_faults_everybody_is_seen_once_in_order_where_they_are(self):
+    def test_without_faults_every_person_is_detected_once_in_order(self):
         scene = self.of_still_people(EXACT, n_frames=20)
         assert (scene.detections.people_counts == 2).all()
         np.testing.assert_array_equal(scene.owner, np.tile([0, 1], 100))
         assert (scene.kind == Kind.PERSON).all()
         assert np.max(errors_of(scene)) < 1e-9
 
-    def test_errors_have_their_scale_last_and_are_everybodys_own(self):
+    def test_errors_have_their_scale_and_correlation_time_and_are_independent(self):
         scene = self.of_still_people(DetectorOptions(outlier_share=0, miss_share=0, swap_share=0))
         frame, view = cells_of(scene)
         exact = scene.rig.project(points_of(scene))[view, frame, scene.owner]
@@ -230,7 +230,7 @@ class TestDetector:
         assert np.abs(np.corrcoef(flat.T) - np.eye(flat.shape[1])).mean() < 0.06
 
     @pytest.mark.parametrize(("share", "kind"), [("duplicate_share", Kind.DUPLICATE), ("false_share", Kind.FALSE)])
-    def test_too_many_people_come_as_often_as_asked(self, share, kind):
+    def test_false_and_duplicate_detections_have_the_requested_frequency(self, share, kind):
         scene = self.of_still_people(faults=replace(NO_FAULTS, **{share: 0.1}))
         frame, view = cells_of(scene)
         where = np.zeros((3000, 5), dtype=int)
@@ -238,13 +238,13 @@ class TestDetector:
         found = (where > 0).mean() if kind == Kind.FALSE else where.mean() / 2
         assert found == pytest.approx(0.1, abs=0.04 if kind == Kind.FALSE else 0.015)
 
-    def test_people_are_missed_as_often_as_asked_in_spells(self):
+    def test_missed_detections_have_the_requested_frequency_and_duration(self):
         scene = self.of_still_people(faults=replace(NO_FAULTS, miss_share=0.1))
         seen = seen_by(scene).reshape(3000, -1)
         assert (~seen).mean() == pytest.approx(0.1, abs=0.02)
         assert (~seen).sum() / (~seen[1:] & seen[:-1]).sum() == pytest.approx(7.5, rel=0.2)
 
-    def test_those_who_overlap_melt_for_the_share_asked(self):
+    def test_overlapping_people_merge_for_the_requested_share(self):
         scene = self.of_still_people(EXACT, replace(NO_FAULTS, merge_share=0.4), apart_m=0.3)
         merged = scene.kind == Kind.MERGED
         assert merged.sum() / (3000 * 5) == pytest.approx(0.4, abs=0.03)
@@ -258,12 +258,12 @@ class TestDetector:
         assert (mine.sum(axis=1) >= theirs.sum(axis=1)).all()
         assert 0.05 < theirs.mean() < 0.5
 
-    def test_only_those_who_overlap_melt(self):
+    def test_only_overlapping_people_merge(self):
         scene = self.of_still_people(EXACT, replace(NO_FAULTS, merge_share=1.0), n_frames=5)
         # Along the x axis they stand one behind the other, 1.5 m apart; from the side they do not overlap.
         np.testing.assert_array_equal(np.unique(cells_of(scene)[1][scene.kind == Kind.MERGED]), [0])
 
-    def test_the_one_behind_is_hidden(self):
+    def test_person_behind_is_occluded(self):
         scene = self.of_still_people(EXACT, replace(NO_FAULTS, hidden_miss_share=1.0), n_frames=2)
         # Camera 0 looks along x from +5 m: the second person stands before the first. Cameras 1 and 4 look across.
         missing = np.isnan(np.asarray(scene.detections.confidence))
@@ -277,7 +277,7 @@ class TestDetector:
         assert not seen_by(dropped)[:, 0, 0].any()
         assert seen_by(dropped)[:, 1].all()
 
-    def test_what_is_hidden_and_seen_all_the_same_is_less_sure_and_less_exact(self):
+    def test_detected_occluded_keypoints_have_less_confidence_and_larger_errors(self):
         law = DetectorOptions(outlier_share=0, miss_share=0, swap_share=0)
         half = replace(NO_FAULTS, hidden_confidence=0.5, hidden_error=2.0)
         hidden, open_ = (self.of_still_people(law, faults, 500) for faults in (half, NO_FAULTS))
@@ -290,7 +290,7 @@ class TestDetector:
         np.testing.assert_allclose(confidence[0][inside], 0.5 * confidence[1][inside])
         np.testing.assert_allclose(error[0][inside], 4.0 * error[1][inside])
 
-    def test_the_owner_is_near(self, crowd):
+    def test_owner_is_close_to_its_detection(self, crowd):
         error = np.full(len(crowd.owner), np.nan)
         error[crowd.owner >= 0] = np.nanmedian(errors_of(crowd)[crowd.owner >= 0], axis=1)
         assert np.median(error[crowd.kind == Kind.PERSON]) < 25
@@ -299,7 +299,7 @@ class TestDetector:
         assert (crowd.owner[crowd.kind == Kind.FALSE] == -1).all()
         assert ((crowd.other >= 0) == (crowd.kind == Kind.MERGED)).all()
 
-    def test_most_people_are_seen_most_of_the_time(self, crowd):
+    def test_most_people_are_detected_most_of_the_time(self, crowd):
         there = np.isfinite(points_of(crowd)[..., 0]).all(axis=-1)
         seen = seen_by(crowd)[there]
         assert seen.mean() > 0.9
@@ -307,7 +307,7 @@ class TestDetector:
         assert 0.003 < (crowd.kind == Kind.DUPLICATE).mean() < 0.04
         assert 0.005 < (crowd.kind == Kind.MERGED).mean() < 0.06
 
-    def test_no_person_has_two_detections_but_duplicates(self, crowd):
+    def test_only_duplicates_give_a_person_two_detections(self, crowd):
         frame, view = cells_of(crowd)
         single = crowd.kind != Kind.DUPLICATE
         for who in (crowd.owner, crowd.other):
@@ -315,12 +315,12 @@ class TestDetector:
             keys = np.stack([frame, view, who])[:, real]
             assert len(np.unique(keys, axis=1).T) == real.sum()
 
-    def test_people_come_in_any_order(self, crowd):
+    def test_detections_are_shuffled(self, crowd):
         frame, view = cells_of(crowd)
         followers = (np.diff(frame) == 0) & (np.diff(view) == 0)
         assert 0.4 < (np.diff(crowd.owner)[followers] > 0).mean() < 0.6
 
-    def test_identities_are_told_only_when_asked_and_last(self, crowd):
+    def test_track_ids_are_optional_and_persistent(self, crowd):
         assert (np.asarray(crowd.detections.track_ids) == -1).all()
         steady = replace(NO_FAULTS, track_ids=True, id_change_hz=0.0, duplicate_share=0.1, false_share=0.1)
         scene = self.of_still_people(faults=steady, n_frames=500)
@@ -335,13 +335,13 @@ class TestDetector:
         cells = np.stack([frame, view, ids])
         assert len(np.unique(cells, axis=1).T) == len(ids)
 
-    def test_identities_change_as_often_as_asked(self):
+    def test_track_ids_change_at_the_requested_rate(self):
         faults = replace(NO_FAULTS, track_ids=True, id_change_hz=0.5)
         scene = self.of_still_people(faults=faults)
         ids = np.asarray(scene.detections.track_ids).reshape(3000, 10)
         assert (np.diff(ids, axis=0) != 0).mean() * 25 == pytest.approx(0.5, rel=0.15)
 
-    def test_identities_swap_where_people_part(self):
+    def test_track_ids_swap_after_overlaps(self):
         faults = CrowdFaults(track_ids=True, id_change_hz=0.0, id_swap_share=1.0, merge_share=0.0)
         scene = simulate_crowd(CrowdOptions(duration_s=20, faults=faults, people=3))
         _, view = cells_of(scene)
@@ -351,14 +351,14 @@ class TestDetector:
 
 
 class TestSceneOptions:
-    def test_the_seed_decides(self):
+    def test_seed_determines_the_scene(self):
         one, same, other = (simulate_crowd(CrowdOptions(duration_s=2, seed=seed)) for seed in (4, 4, 5))
         assert one.detections == same.detections
         assert one.truth == same.truth
         np.testing.assert_array_equal(one.owner, same.owner)
         assert one.detections != other.detections
 
-    def test_the_walks_do_not_depend_on_the_detector(self):
+    def test_walks_are_independent_of_the_detector(self):
         one, other = (simulate_crowd(CrowdOptions(duration_s=2, detector=law)) for law in (CLEAN, DetectorOptions()))
         np.testing.assert_array_equal(points_of(one), points_of(other))
 
@@ -390,7 +390,7 @@ class TestSceneOptions:
             ({"detector": DetectorOptions(max_offset_s=0.1)}, "one clock"),
         ],
     )
-    def test_impossible_scenes(self, change, words):
+    def test_invalid_scenes_are_refused(self, change, words):
         with pytest.raises(OptionsError, match=words):
             CrowdOptions(**change)
 
@@ -398,20 +398,20 @@ class TestSceneOptions:
         "change",
         [{"merge_share": 1.5}, {"hidden_confidence": 0.0}, {"smallest_px": -1.0}, {"visible_share": float("nan")}],
     )
-    def test_impossible_faults(self, change):
+    def test_invalid_faults_are_refused(self, change):
         with pytest.raises(OptionsError, match=next(iter(change))):
             CrowdFaults(**change)
 
-    def test_only_humans(self, tmp_path):
+    def test_skeletons_of_animals_are_refused(self, tmp_path):
         (tmp_path / "fly.toml").write_text('name = "fly"\nkeypoints = ["antenna"]')
         with pytest.raises(SkeletonError, match="is not human: the human figure has no antenna"):
             simulate_crowd(CrowdOptions(skeleton=str(tmp_path / "fly.toml")))
 
-    def test_points_of_another_shape(self):
+    def test_points_of_another_shape_are_refused(self):
         with pytest.raises(OptionsError, match=r"expected \(frame, person, 17"):
             crowd_of_points(np.zeros((5, 17, 3)), build_rig("ring", 3), skeleton_of(17), 25.0)
 
-    def test_points_of_a_skeleton_without_a_body(self):
+    def test_points_of_a_skeleton_without_a_tree(self):
         points = np.random.default_rng(0).normal(0, 0.3, (10, 2, 5, 3)) + np.array([0.0, 0.0, 1.0])
         scene = crowd_of_points(points, build_rig("ring", 3), skeleton_of(5), 25.0, faults=NO_FAULTS)
         assert seen_by(scene).all()

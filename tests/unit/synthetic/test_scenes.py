@@ -24,7 +24,7 @@ edges = [["snout", "left_ear"], ["snout", "right_ear"], ["snout", "back"], ["bac
 class TestRigs:
     @pytest.mark.parametrize("layout", ["ring", "corners", "aisle"])
     @pytest.mark.parametrize("n", [1, 2, 3, 5, 8, MOST_CAMERAS])
-    def test_every_camera_sees_the_middle(self, layout, n):
+    def test_every_camera_shows_the_center(self, layout, n):
         rig = build_rig(layout, n)
         assert len(rig) == n
         np.testing.assert_allclose(rig.project(np.array([0, 0, 0.9])), [[959.5, 539.5]] * n, atol=1e-9)
@@ -34,7 +34,7 @@ class TestRigs:
         assert apart.min() > 0.1
 
     @pytest.mark.parametrize("n", [0, MOST_CAMERAS + 1])
-    def test_numbers_out_of_range(self, n):
+    def test_values_out_of_range_are_refused(self, n):
         with pytest.raises(OptionsError, match=f"1 to {MOST_CAMERAS} cameras, got {n}"):
             build_rig("ring", n)
 
@@ -59,7 +59,7 @@ class TestMotion:
         lengths = np.linalg.norm(positions[:, 1:] - positions[:, parents[1:]], axis=-1)
         assert np.ptp(lengths, axis=0).max() < 1e-12
 
-    def test_left_mirrors_right(self, motion):
+    def test_left_and_right_are_symmetric(self, motion):
         figure = motion[0]
         for name, offset in zip(figure.names, figure.offsets_m, strict=True):
             if name.startswith("left_"):
@@ -76,7 +76,7 @@ class TestMotion:
         assert np.linalg.norm(acceleration, axis=-1).max() < 80.0
         assert np.linalg.norm(np.diff(acceleration, axis=0), axis=-1).max() < 30.0
 
-    def test_feet_stand_on_the_floor_but_for_jumps(self, motion):
+    def test_feet_are_on_the_floor_except_in_jumps(self, motion):
         figure, person, times, positions = motion
         feet = [figure.names.index(f"{side}_{part}") for side in ("left", "right") for part in ("heel", "big_toe")]
         lowest = positions[:, feet, 2].min(axis=1)
@@ -85,22 +85,22 @@ class TestMotion:
         assert lowest[activity == "jump"].max() > 0.15
         assert positions[..., 2].min() > -0.03
 
-    def test_a_walker_walks(self):
+    def test_walking_person_moves(self):
         person = HumanMotion.random(("walk",), np.random.default_rng(0))
         hips = person.positions(human(), np.arange(0, 4, 0.01))[:, 0]
         speed = np.linalg.norm(np.diff(hips[:, :2], axis=0), axis=1) / 0.01
         assert np.median(speed) == pytest.approx(person.cadence_hz * person.stride_m, rel=0.05)
 
-    def test_any_times_in_any_order(self, motion):
+    def test_positions_are_independent_of_the_order_of_times(self, motion):
         figure, person, times, positions = motion
         chosen = np.array([1700, 3, 900])
         np.testing.assert_allclose(person.positions(figure, times[chosen]), positions[chosen], atol=1e-4)
 
-    def test_unknown_activities(self):
+    def test_unknown_activities_are_refused(self):
         with pytest.raises(OptionsError, match="got the element 'dance'"):
             SceneOptions(activities=("dance",))  # type: ignore[arg-type]
 
-    def test_creatures_have_constant_bones_too(self, tmp_path):
+    def test_creatures_have_constant_bone_lengths(self, tmp_path):
         (tmp_path / "mouse.toml").write_text(MOUSE)
         scene = simulate(SceneOptions(skeleton=str(tmp_path / "mouse.toml"), duration_s=2))
         points = scene.truth.layers["measured"].points_m[:, 0]
@@ -119,12 +119,12 @@ class TestDetector:
         pixels, confidence = detections.dense()
         return pixels - rig.project(np.array([0.1, 0.2, 1.0]))[:, None], confidence
 
-    def test_gaussian_law(self):
+    def test_gaussian_error_model(self):
         errors, confidence = self.noise(CLEAN)
         assert errors.std() == pytest.approx(2.0, rel=0.01)
         assert np.abs(np.corrcoef(np.linalg.norm(errors, axis=-1).ravel(), confidence.ravel())[0, 1]) < 0.02
 
-    def test_measured_law(self):
+    def test_measured_error_model(self):
         only_noise = DetectorOptions(outlier_share=0, miss_share=0, swap_share=0)
         errors, confidence = self.noise(only_noise, frames=8000)
         unit = errors * confidence[..., None] / (4.5 * 1.92)
@@ -139,7 +139,7 @@ class TestDetector:
         assert np.nanmin(confidence) > 0
         assert np.nanmax(confidence) < 1
 
-    def test_errors_last_as_long_at_any_rate(self):
+    def test_correlation_time_is_independent_of_the_frame_rate(self):
         only_noise = DetectorOptions(outlier_share=0, miss_share=0, swap_share=0)
         slow, _ = self.noise(only_noise, 4000, 25.0)
         fast, _ = self.noise(only_noise, 16000, 100.0)
@@ -147,14 +147,14 @@ class TestDetector:
         assert after[0] == pytest.approx(after[1], abs=0.03)
 
     @pytest.mark.parametrize(("fault", "share"), [("outlier_share", 0.1), ("miss_share", 0.15)])
-    def test_faults_come_as_often_as_asked(self, fault, share):
+    def test_faults_have_the_requested_frequency(self, fault, share):
         quiet = {"outlier_share": 0.0, "miss_share": 0.0, "swap_share": 0.0}
         errors, _ = self.noise(DetectorOptions("gaussian", 1.0, **(quiet | {fault: share})))
         sizes = np.linalg.norm(errors, axis=-1)
         found = np.isnan(sizes).mean() if fault == "miss_share" else (sizes > 20).mean()
         assert found == pytest.approx(share, abs=0.015)
 
-    def test_misses_come_inspells(self):
+    def test_missed_keypoints_are_correlated_in_time(self):
         errors, _ = self.noise(DetectorOptions("gaussian", 1.0, outlier_share=0, swap_share=0, miss_share=0.2))
         missing = np.isnan(errors[..., 0]).reshape(len(errors), -1)
         starts = (missing[1:] & ~missing[:-1]).sum()
@@ -165,7 +165,7 @@ class TestDetector:
         on = on_intervals((4000, 20), share, 0.2, rate_hz, np.random.default_rng(2))
         assert on.mean() == pytest.approx(share, abs=0.02)
 
-    def test_limbs_swap_as_a_whole(self):
+    def test_limbs_swap_as_chains(self):
         options = DetectorOptions("gaussian", 0.0, outlier_share=0, miss_share=0, swap_share=0.3)
         scene = simulate(SceneOptions(skeleton="coco_17", duration_s=10, detector=options))
         pixels, _ = scene.detections.dense()
@@ -188,7 +188,7 @@ class TestDetector:
         left = [skeleton.index(name) for name, _ in skeleton.pairs]
         return ~np.isclose(pixels[:, :, left], truth[:, :, left], atol=1e-6).all(axis=-1)
 
-    def test_pairs_swap_each_by_itself(self):
+    def test_pairs_swap_independently(self):
         swapped = self.swapped_pairs(swap_share=0.25, swap_law="pair")
         assert swapped.mean() == pytest.approx(0.25, abs=0.01)
         flat = swapped.reshape(len(swapped), -1).astype(float)
@@ -208,7 +208,7 @@ class TestDetector:
         one = self.swapped_pairs(swap_share=0.25)
         np.testing.assert_array_equal(one, self.swapped_pairs(swap_shares=(0.25,) * 4))
 
-    def test_clocks_may_be_off(self):
+    def test_clocks_may_have_offsets(self):
         options = DetectorOptions("gaussian", 0.0, outlier_share=0, miss_share=0, swap_share=0, max_offset_s=0.05)
         scene = simulate(SceneOptions(duration_s=2, detector=options))
         assert scene.offsets_s.any()
@@ -233,11 +233,11 @@ class TestDetector:
             {"swap_law": "limb"},
         ],
     )
-    def test_impossible_detectors(self, change):
+    def test_invalid_detector_options_are_refused(self, change):
         with pytest.raises(OptionsError):
             DetectorOptions(**change)
 
-    def test_one_share_for_each_view(self):
+    def test_swap_shares_need_one_value_per_view(self):
         with pytest.raises(OptionsError, match="one fraction per view \\(5\\), got 2"):
             simulate(SceneOptions(duration_s=0.1, detector=DetectorOptions(swap_shares=(0.1, 0.2))))
 
@@ -249,13 +249,13 @@ class TestScenes:
         assert scene.detections.skeleton.name == skeleton
         assert np.isfinite(scene.truth.layers["measured"].points_m).all()
 
-    def test_the_seed_decides(self):
+    def test_seed_determines_the_scene(self):
         one, same, other = (simulate(SceneOptions(duration_s=1, seed=seed)) for seed in (4, 4, 5))
         assert one.detections == same.detections
         assert one.truth == same.truth
         assert one.detections != other.detections
 
     @pytest.mark.parametrize("change", [{"duration_s": 0}, {"rate_hz": -1}, {"activities": ()}, {"cameras": 33}])
-    def test_impossible_scenes(self, change):
+    def test_invalid_scenes_are_refused(self, change):
         with pytest.raises(OptionsError):
             SceneOptions(**change)

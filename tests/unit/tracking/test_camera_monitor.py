@@ -49,7 +49,7 @@ def run(settings: TrackerSettings, seconds, dt_s: float = 0.04) -> list[tuple[fl
 
 
 @pytest.mark.parametrize("dt_s", [0.01, 0.04])
-def test_a_camera_without_frames(settings, dt_s):
+def test_camera_without_frames_is_silent(settings, dt_s):
     gone = np.array([True, False, True])
     said = run(settings, [(1.0, ALL, [1, 1, 1], [1, 1, 1]), (5.0, gone, [1, 0, 1], [1, 0, 1]),
                           (1.0, ALL, [1, 1, 1], [1, 1, 1])], dt_s)  # fmt: skip
@@ -65,12 +65,12 @@ def test_camera_without_people_whom_others_show_is_silent(settings):
     assert "other cameras show people in its image" in said[0][3]
 
 
-def test_an_empty_room_is_no_silence(settings):
+def test_cameras_of_an_empty_room_are_not_silent(settings):
     assert run(settings, [(10.0, ALL, [0, 0, 0], [0, 0, 0])]) == []
     assert run(settings, [(10.0, ALL, [2, 2, 0], [2, 2, 0])]) == []
 
 
-def test_gaps_shorter_than_the_option_are_no_silence(settings):
+def test_short_gaps_do_not_make_a_camera_silent(settings):
     pieces = [(1.9, [True, False, True], [1, 0, 1], [1, 0, 1]), (0.04, ALL, [1, 1, 1], [1, 1, 1])]
     assert run(settings, pieces * 4) == []
     short = replace(
@@ -79,13 +79,13 @@ def test_gaps_shorter_than_the_option_are_no_silence(settings):
     assert run(short, pieces[:1])[0][:3] == (0.52, 1, True)
 
 
-def test_one_stray_detection_does_not_break_a_silence(settings):
+def test_single_detection_does_not_end_the_silence(settings):
     dark = (2.0, ALL, [1, 1, 0], [1, 1, 1])
     said = run(settings, [dark, (0.04, ALL, [1, 1, 1], [1, 1, 1]), dark, dark])
     assert [(view, silent) for _, view, silent, _ in said] == [(2, True)]
 
 
-def test_views_that_take_turns_are_not_silent(settings):
+def test_alternating_views_are_not_silent(settings):
     turns = [(0.01, np.arange(VIEWS) == v, np.arange(VIEWS) == v, [0, 0, 0]) for _ in range(200) for v in range(VIEWS)]
     assert run(settings, turns, 0.01) == []
 

@@ -41,7 +41,7 @@ def leaps_of(points_m: np.ndarray, views: int, log_odds: float, rows: np.ndarray
     )
 
 
-def test_candidates_are_missing_while_views_have_unassigned_detections() -> None:
+def test_candidates_lack_views_that_have_unassigned_detections() -> None:
     rows = np.array([[0, 1, 2], [-1, -1, 3], [-1, -1, -1]])
     free = np.array([True, True, False])
     may = np.array([True, True, True])

@@ -112,7 +112,7 @@ def test_run_ends_at_reinitialization_and_at_gaps(settings, rng):
     assert [run.places.tolist() for run in history.runs(0, 12)] == [[0, 1, 2, 3, 4], [5, 6, 7], [9, 10, 11]]
 
 
-def test_a_body_has_its_history_whatever_it_is_called(settings, rng):
+def test_history_follows_the_track_and_not_its_name(settings, rng):
     """A body keeps its own history after an identity swap."""
     states = filtered(settings, 12, rng)
     history = History(settings)
@@ -127,7 +127,7 @@ def test_a_body_has_its_history_whatever_it_is_called(settings, rng):
     np.testing.assert_array_equal(two.state.root, states.root + 2.0)
 
 
-def test_a_long_history_opens_one_file(settings, rng, monkeypatch):
+def test_long_history_opens_one_file(settings, rng, monkeypatch):
     monkeypatch.setattr(history_module, "_BLOCK_S", 0.1)
     opened = []
     temporary = history_module.tempfile.TemporaryFile
@@ -141,7 +141,7 @@ def test_a_long_history_opens_one_file(settings, rng, monkeypatch):
 
 
 @pytest.mark.parametrize("stops", [[60, 120], [7, 30, 31, 95, 120]])
-def test_blocks_are_the_whole(settings, rng, stops):
+def test_smoothing_in_blocks_equals_smoothing_at_once(settings, rng, stops):
     """The blocks agree to 1e-6 m with a look-ahead of 2 s."""
     history = history_of(settings, filtered(settings, 120, rng, kept_from=70))
     (whole,) = taken(history, [120])
@@ -154,7 +154,7 @@ def test_blocks_are_the_whole(settings, rng, stops):
 
 
 @pytest.mark.parametrize("start", [30, 100])
-def test_any_range_is_that_of_the_whole(settings, rng, start):
+def test_smoothing_any_range_equals_smoothing_at_once(settings, rng, start):
     """The range agrees to 1e-5 m, also if it starts while the shape is estimated."""
     history = history_of(settings, filtered(settings, 200, rng, kept_from=50))
     (whole,) = taken(history, [200])
@@ -165,7 +165,7 @@ def test_any_range_is_that_of_the_whole(settings, rng, start):
     np.testing.assert_allclose(part.body.covariance_m2, theirs.covariance_m2, atol=1e-8)
 
 
-def test_a_lag_of_everything_is_the_full_smoother(settings, rng):
+def test_lag_of_the_whole_recording_equals_the_full_smoother(settings, rng):
     states = filtered(settings, 30, rng)
     full = taken(history_of(settings, states), [30])
     options = replace(settings.options, smoother="lag", lag_s=10.0)
@@ -174,14 +174,14 @@ def test_a_lag_of_everything_is_the_full_smoother(settings, rng):
     np.testing.assert_allclose(np.concatenate([part.body.points_m for part in lag]), full[0].body.points_m, atol=1e-9)
 
 
-def test_no_smoother_is_the_filter(settings, rng):
+def test_without_smoother_states_are_those_of_the_filter(settings, rng):
     states = filtered(settings, 30, rng)
     options = replace(settings.options, smoother="none")
     (part,) = taken(history_of(replace(settings, options=options), states), [30])
     np.testing.assert_array_equal(part.body.root_m, states.root)
 
 
-def test_short_losses_are_bridged_and_long_ones_left_out(settings, rng):
+def test_short_losses_are_bridged_and_long_ones_are_not(settings, rng):
     states = filtered(settings, 40, rng)
     lost = {k: (k - 10) * 0.2 for k in range(10, 30)}
     long = taken(history_of(settings, states, lost), [40])

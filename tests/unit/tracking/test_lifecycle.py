@@ -107,7 +107,7 @@ def test_half_of_few_keypoints_support_a_person():
     assert settings_with(min_joints=30).options.min_joints == 10
 
 
-def test_bone_lengths_move_with_the_name():
+def test_bone_lengths_follow_the_name_after_an_identity_swap():
     """One shape is fixed and one is free; both stay so, and covariances stay valid."""
     settings = settings_with()
     (one, first), (other, second) = (tracked_person(settings, TrackState.ACTIVE) for _ in range(2))

@@ -199,7 +199,7 @@ def test_certain_anchor_turn_is_adopted(rng):
     np.testing.assert_allclose(state.turns[0, 0], turn, atol=1e-6)
 
 
-def test_a_recording_of_whole_bodies_from_end_to_end(scene):
+def test_whole_body_recording_is_reconstructed(scene):
     result = reconstruct(scene.rig, scene.detections, Options(people="many"))
     model, measured = result.layers["model"], result.layers["measured"]
     truth = np.asarray(scene.truth.layers["measured"].points_m)
@@ -227,7 +227,7 @@ def test_a_recording_of_whole_bodies_from_end_to_end(scene):
     assert np.ptp(degrees[10:, 0, names.index("left_index_finger_2.flexion")]) > 30.0
 
 
-def test_direction_needs_an_end_more_certain_than_the_bone_is_long():
+def test_direction_needs_a_joint_more_certain_than_the_bone_length():
     tree = LEFT.tree
     ends = [n for n, node in enumerate(tree.nodes) if node.is_bone]
     place = {int(node): k for k, node in enumerate(tree.keypoint_nodes) if node >= 0}

@@ -88,7 +88,7 @@ def close(one: State, other: State, atol: float) -> None:
         np.testing.assert_allclose(mine, theirs, atol=atol, err_msg=name)
 
 
-def test_comparing_undoes_applying(settings, rng):
+def test_state_difference_inverts_the_update(settings, rng):
     start = select_states(standing(settings), [0, 0, 0])
     change = rng.normal(0.0, 0.5, (3, 2 * N + H))
     end = select_states(start, [0, 1, 2])
@@ -100,7 +100,7 @@ def test_comparing_undoes_applying(settings, rng):
     np.testing.assert_allclose(found, -change, atol=1e-12)
 
 
-def test_root_and_lengths_are_the_textbook_smoother(settings, rng):
+def test_root_and_lengths_match_a_dense_smoother(settings, rng):
     """Smooth a body that only translates, whose model is linear, with one dense system."""
     frames = 12
     f = np.eye(2 * N + H)
@@ -174,7 +174,7 @@ def test_independent_information_reduces_covariances(settings, rng, free):
     assert add_information(information, 0.3, states.free, N, found) == 2
 
 
-def test_smoothing_knows_more_than_filtering(settings, rng):
+def test_smoothing_reduces_covariances(settings, rng):
     states = filtered(settings, 40, rng, kept_from=30)
     smooth = smooth_states(states, times(40), settings)
     before = np.diagonal(states.covariance, axis1=1, axis2=2)
@@ -185,7 +185,7 @@ def test_smoothing_knows_more_than_filtering(settings, rng):
     close(select_states(smooth, [39]), select_states(states, [39]), 0.0)
 
 
-def test_without_anything_later_nothing_changes(settings, rng):
+def test_last_frame_is_not_changed(settings, rng):
     """Predicted frames add no information about the last observed frame."""
     seen = filtered(settings, 12, rng)
     states, now = seen, select_states(seen, [11])
@@ -324,7 +324,7 @@ def test_information_does_not_depend_on_bone_frames(settings, rng, kept_from):
     np.testing.assert_allclose(np.trace(said, axis1=1, axis2=2), np.trace(turned_said, axis1=1, axis2=2), rtol=1e-6)
 
 
-def test_axes_of_bones_are_carried_into_others(settings, rng):
+def test_covariances_are_transformed_between_bone_frames(settings, rng):
     """The information is the inverse covariance in both frames."""
     states, angles = filtered(settings, 5, rng), rng.uniform(-3.0, 3.0, len(settings.tree.bones))
     spread = np.diag(rng.uniform(0.5, 2.0, 2 * N + H))
@@ -392,7 +392,7 @@ def test_frame_after_a_gap_is_tempered_by_the_time_since_the_last_observation(se
 
 
 @pytest.mark.parametrize("dt_s", [0.01, 0.04])
-def test_tempering_is_that_of_a_sum_of_lasting_errors(dt_s):
+def test_tempering_equals_that_of_a_sum_of_correlated_errors(dt_s):
     """The variance of a long mean is that of the corresponding number of independent errors."""
     correlation = np.exp(-dt_s / 0.25)
     n = 200_000
@@ -400,7 +400,7 @@ def test_tempering_is_that_of_a_sum_of_lasting_errors(dt_s):
     assert tempering_factor(np.array([dt_s]), 0.25)[0] / n == pytest.approx(variance, rel=1e-6)
 
 
-def test_missing_frames_are_wider(settings, rng):
+def test_missing_frames_have_larger_covariances(settings, rng):
     smooth = smooth_run(run_of(filtered(settings, 45, rng)), settings)
     spread = smooth.covariance_m2[:, :, [0, 3, 5]].sum(axis=-1)
     assert (spread[22] > spread[15]).all()

@@ -82,7 +82,7 @@ def test_first_frame_counts_fully():
     np.testing.assert_array_equal(once[1], once[2])
 
 
-def test_errors_that_do_not_last_make_every_frame_count():
+def test_every_frame_counts_if_errors_are_white():
     """Four frames halve the uncertainty for white errors, and do not reduce it for correlated ones."""
     times_s = np.arange(0.0, AGE_S + 1e-9, 0.04)
     shape = slice(settings_with().tree.n_pose, None)
@@ -93,7 +93,7 @@ def test_errors_that_do_not_last_make_every_frame_count():
 
 
 @pytest.mark.parametrize("thigh", [[0.6, 0.0, 0.8], [0.4, -0.3, 0.9]])
-def test_leg_seen_late_is_fitted(thigh):
+def test_leg_detected_late_is_fitted(thigh):
     """Gauss-Newton steps from the rest pose fail, because robust weights of distant keypoints vanish."""
     settings = settings_with()
     tree, leg = settings.tree, [SKELETON.index(name) for name in ("right_knee", "right_ankle")]

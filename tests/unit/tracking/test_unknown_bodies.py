@@ -112,7 +112,7 @@ def test_edges_of_the_skeleton_are_bones_before_other_distances(rng):
     assert frozenset("ad") in {frozenset((node.name, tree.nodes[node.parent].name)) for node in tree.nodes[1:]}
 
 
-def test_bones_do_not_depend_on_where_bodies_are(rng):
+def test_bones_are_independent_of_the_position_of_bodies(rng):
     points, covariance = chain_bodies(rng, 50, 0.02)
     skeleton = Skeleton("chain", ("c", "a", "d", "b"))
     here = measured_tree(skeleton, points, covariance)

@@ -152,7 +152,7 @@ def test_length_unit_does_not_change_the_paths(arm):
     assert np.abs(np.asarray(other.points_m) / 1000.0 - np.asarray(solved(arm).points_m)).max() < 1e-5
 
 
-def test_the_order_of_cameras_does_not_matter(arm):
+def test_result_is_independent_of_the_camera_order(arm):
     pixels = np.asarray(arm.detections.keypoints_px).reshape(FRAMES, 4, 3, 2)[:, ::-1]
     rig = replace(arm.rig, cameras=arm.rig.cameras[::-1])
     other = solved(measured(swinging(FRAMES), rig=rig, pixels=pixels, noise_px=2.0))

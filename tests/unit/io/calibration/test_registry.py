@@ -86,7 +86,7 @@ def test_two_lenses_of_a_camera_are_an_error(tmp_path):
     assert len(read_cameras(folder / "intrinsic_other")) == 3
 
 
-def test_two_endings_are_an_error(tmp_path):
+def test_conflicting_file_endings_are_an_error(tmp_path):
     folder = calibrations.mc_dev(rig_for("mc_dev"), tmp_path)
     shutil.copy(folder / "left_0.mp4.calib", folder / "left_0.mp4-mocAligned.calib")
     with pytest.raises(FileError, match="several endings"):
@@ -94,7 +94,7 @@ def test_two_endings_are_an_error(tmp_path):
     assert read_cameras(folder / "left_0.mp4-mocAligned.calib").names == ("left_0",)
 
 
-def test_an_unknown_extrinsic_format_is_an_error(tmp_path):
+def test_unknown_extrinsic_format_is_an_error(tmp_path):
     path = calibrations.scene(rig_for("scene"), tmp_path)
     path.write_text(json.dumps(json.loads(path.read_text()) | {"extrinsic_format": "opencv"}))
     with pytest.raises(FileError, match=r"extrinsic_format is 'opencv'. Choose one of: opencv_world_to_camera"):

@@ -35,7 +35,7 @@ class TestArrays:
         assert found.view_names == ("0", "1", "2")
 
     @pytest.mark.parametrize("meaning", ["confidence", "depth"])
-    def test_three_channels_need_a_meaning(self, meaning, pixels, tmp_path):
+    def test_third_channel_needs_a_meaning(self, meaning, pixels, tmp_path):
         third = np.linspace(0.1, 0.9, pixels[..., 0].size).reshape(pixels.shape[:-1])
         path = tmp_path / "points.npy"
         np.save(path, np.concatenate([pixels, third[..., None]], axis=-1))
@@ -75,7 +75,7 @@ class TestArrays:
         assert np.isnan(found.dense()[0][1, 0, 2]).all()
         assert "2 keypoints at exactly (0, 0)" in found.notes[-1]
 
-    def test_a_skeleton_of_another_size(self, pixels, tmp_path):
+    def test_skeleton_of_another_size_is_refused(self, pixels, tmp_path):
         np.save(tmp_path / "k.npy", pixels)
         with pytest.raises(FileError, match="26 keypoints per person, skeleton coco_17 has 17"):
             read_detections(tmp_path / "k.npy", "coco_17")
@@ -104,7 +104,7 @@ class TestArrays:
         with pytest.raises(FileError, match="cannot be|can be read"):
             read_detections(tmp_path / "points.npy")
 
-    def test_truncated(self, pixels, tmp_path):
+    def test_truncated_file_is_refused(self, pixels, tmp_path):
         path = tmp_path / "points.npy"
         np.save(path, pixels)
         path.write_bytes(path.read_bytes()[:-100])
@@ -143,7 +143,7 @@ class TestArraysOfOneRig:
         assert found.skeleton.keypoints == ("point",)
         np.testing.assert_array_equal(found.dense()[0][:, 0, 0], [[1, 2], [3, 4]])
 
-    def test_a_bomb_is_refused(self, tmp_path, monkeypatch):
+    def test_decompression_bomb_is_refused(self, tmp_path, monkeypatch):
         """The limit is lowered, so that megabytes of zeros stand for gigabytes."""
         monkeypatch.setattr("posefuse.io.files._LARGE_BYTES", 256_000)
         file = tmp_path / "bomb.npz"

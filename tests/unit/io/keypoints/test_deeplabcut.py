@@ -41,7 +41,7 @@ def test_deeplabcut_survives_a_round_trip(tmp_path, values):
     np.testing.assert_array_equal(np.asarray(found.confidence).reshape(7, 3, 4)[:, 2], values[..., 2])
 
 
-def test_a_truncated_deeplabcut_file_is_reported_with_its_line(tmp_path, values):
+def test_truncated_deeplabcut_file_is_reported_with_its_line(tmp_path, values):
     file = tmp_path / "cam.csv"
     write_deeplabcut(file, values)
     text = file.read_text()

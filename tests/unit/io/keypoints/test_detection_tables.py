@@ -39,12 +39,12 @@ class TestDetectionTables:
         self.table(tmp_path / "a" / "1.parquet", [2], [1])
         assert read_detections(tmp_path, "coco_17").people_counts.tolist() == [[1, 0], [1, 0], [1, 0], [2, 2]]
 
-    def test_a_frame_twice_is_an_error(self, tmp_path):
+    def test_frame_twice_is_an_error(self, tmp_path):
         self.table(tmp_path / "a.parquet", [1, 1], [1, 1])
         with pytest.raises(FileError, match="'a' has two rows for frame 1"):
             read_detections(tmp_path, "coco_17")
 
-    def test_names_never_leave_the_folder(self, tmp_path):
+    def test_names_do_not_leave_the_folder(self, tmp_path):
         given = example_detections()
         hostile = given.views(["left"])
         object.__setattr__(hostile, "view_names", ("../outside",))

@@ -33,7 +33,7 @@ class TestFreeMoCap:
         self.recording(tmp_path, videos=0)
         assert read_detections(tmp_path).view_names == ("camera_0", "camera_1")
 
-    def test_the_number_of_videos_must_match(self, tmp_path):
+    def test_number_of_videos_must_match(self, tmp_path):
         self.recording(tmp_path, cameras=3)
         with pytest.raises(FileError, match="2 videos, but .* has 3 cameras"):
             read_detections(tmp_path)
@@ -43,7 +43,7 @@ class TestFreeMoCap:
     ("tracker", "third", "field"),
     [("mediapipe_", 0.5, "depth"), ("openpose_", 0.5, "confidence"), ("yolo_", np.nan, None)],
 )
-def test_the_third_channel_depends_on_the_tracker(tracker, third, field, tmp_path):
+def test_third_channel_depends_on_the_tracker(tracker, third, field, tmp_path):
     freemocap(tmp_path)
     (array,) = (tmp_path / "output_data" / "raw_data").glob("*2dData*")
     content = np.load(array)
@@ -56,7 +56,7 @@ def test_the_third_channel_depends_on_the_tracker(tracker, third, field, tmp_pat
         assert bool(values is not None and np.isfinite(values).any()) is (name == field)
 
 
-def test_an_unknown_third_channel_is_an_error(tmp_path):
+def test_unknown_third_channel_is_an_error(tmp_path):
     freemocap(tmp_path)
     (array,) = (tmp_path / "output_data" / "raw_data").glob("*2dData*")
     array.rename(array.with_name("rtmpose_2dData_pixelXY.npy"))

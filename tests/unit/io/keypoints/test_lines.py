@@ -20,7 +20,7 @@ def written(tmp_path):
     return scene.detections, tmp_path / "replay.jsonl"
 
 
-def test_ranges_in_any_order_equal_the_whole(tmp_path):
+def test_ranges_in_any_order_equal_the_whole_file(tmp_path):
     given, path = written(tmp_path)
     lines = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(b"".join([lines[0], *reversed(lines[1:])]))
@@ -40,7 +40,7 @@ def test_returned_arrays_are_copies(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["replay_lines", "payload_lines", "payload_arrays"])
-def test_a_file_that_changes_while_it_is_read(name, tmp_path):
+def test_file_that_changes_while_it_is_read_is_an_error(name, tmp_path):
     path = WRITERS[name](example_detections(), tmp_path)
     file = next(iter(sorted(path.iterdir()))) if path.is_dir() else path
     found = posefuse.read_detections(path, "coco_17")

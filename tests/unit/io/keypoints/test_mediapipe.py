@@ -11,7 +11,7 @@ from posefuse.io.keypoints.request import Request
 
 
 class TestLandmarks:
-    def test_fractions_need_the_size_of_the_image(self, tmp_path):
+    def test_normalized_coordinates_need_the_image_size(self, tmp_path):
         landmarks = [{"x": 0.5, "y": 0.25, "z": -0.1, "visibility": 0.9}] * 33
         (tmp_path / "a.json").write_text(json.dumps([{"pose_landmarks": landmarks}, {"pose_landmarks": None}]))
         with pytest.raises(FileError, match="--image-size"):

@@ -19,7 +19,7 @@ def walk() -> Detections:
 
 
 class TestNative:
-    def test_survives_a_round_trip_and_stays_in_the_file(self, tmp_path, rng):
+    def test_round_trip_reads_on_demand(self, tmp_path, rng):
         crowd = ragged_detections(rng)
         native.write(crowd, tmp_path / "keypoints.nc")
         found = read_detections(tmp_path / "keypoints.nc")
@@ -27,13 +27,13 @@ class TestNative:
         assert found == crowd
         np.testing.assert_array_equal(found.frames(2, 4).keypoints_px, crowd.frames(2, 4).keypoints_px)
 
-    def test_same_bytes(self, tmp_path, rng):
+    def test_same_input_gives_the_same_bytes(self, tmp_path, rng):
         crowd = ragged_detections(rng)
         for name in ("a.nc", "b.nc"):
             native.write(crowd, tmp_path / name)
         assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
 
-    def test_mapping_on_request(self, walk, tmp_path):
+    def test_keypoints_are_mapped_on_request(self, walk, tmp_path):
         native.write(walk, tmp_path / "keypoints.nc")
         assert read_detections(tmp_path / "keypoints.nc", "coco_17").skeleton.name == "coco_17"
 

@@ -55,7 +55,7 @@ class TestOpenPose:
         assert found.recorded.sum() == found.recorded.size - 1
         assert np.isnan(found.with_rate(30).time_s[4, 1])
 
-    def test_an_empty_person_makes_the_list_index_the_identity(self, walk, tmp_path):
+    def test_empty_person_makes_the_list_index_the_identity(self, walk, tmp_path):
         folder = tmp_path / "cam"
         folder.mkdir()
         for f in range(6):
@@ -65,7 +65,7 @@ class TestOpenPose:
         assert found.people_counts.ravel().tolist() == [1] * 6
         assert found.track_ids.tolist() == [1, 1, 0, 1, 1, 1]
 
-    def test_one_camera(self, walk, tmp_path):
+    def test_single_camera(self, walk, tmp_path):
         write_openpose(tmp_path, walk)
         found = read_detections(tmp_path / "cam_1_json")
         assert found.view_names == ("cam_1_json",)
@@ -104,7 +104,7 @@ class TestOpenPose:
             ("[]", ["not an OpenPose file"]),
         ],
     )
-    def test_a_broken_file_is_named(self, content, words, walk, tmp_path):
+    def test_broken_file_is_named(self, content, words, walk, tmp_path):
         write_openpose(tmp_path, walk)
         (tmp_path / "cam_1_json" / "cam_1_000000000004_keypoints.json").write_text(content)
         with pytest.raises(FileError) as error:
@@ -120,7 +120,7 @@ class TestOpenPose:
         with pytest.raises(DetectionsError, match="view 'cam_1_json', frame 4, contains an infinite number"):
             read_detections(tmp_path)
 
-    def test_a_folder_is_not_a_frame(self, walk, tmp_path):
+    def test_folder_is_not_a_frame(self, walk, tmp_path):
         write_openpose(tmp_path / "pose", walk)
         camera = next((tmp_path / "pose").iterdir())
         (camera / "cam_000000000999_keypoints.json").mkdir()
@@ -144,7 +144,7 @@ class TestOpenPose:
         with pytest.raises(FileError, match="range from 0 to 9000000"):
             read_detections(tmp_path)
 
-    def test_the_wrong_skeleton(self, walk, tmp_path):
+    def test_wrong_skeleton_is_refused(self, walk, tmp_path):
         write_openpose(tmp_path, walk)
         with pytest.raises(FileError, match="has 25 keypoints per person, skeleton coco_17 has 17"):
             read_detections(tmp_path, "coco_17")
@@ -158,7 +158,7 @@ class TestOpenPose:
         found = read_detections(tmp_path, "coco_17")
         assert found.people_counts.sum() == 0
 
-    def test_an_unknown_number_of_keypoints(self, tmp_path):
+    def test_unknown_number_of_keypoints(self, tmp_path):
         (tmp_path / "cam").mkdir()
         write_openpose_frame(tmp_path / "cam" / "0.json", [{"pose_keypoints_2d": [1.0, 2.0, 0.5] * 7}])
         with pytest.raises(SkeletonError, match=r"has 7 keypoints, but no shipped skeleton does"):

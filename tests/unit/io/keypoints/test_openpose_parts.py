@@ -46,7 +46,7 @@ def test_hands_and_faces_are_read_by_default(scene, tmp_path):
         np.testing.assert_array_equal(mine, theirs)
 
 
-def test_the_lists_equal_those_of_openpose(scene, tmp_path):
+def test_keypoint_lists_equal_those_of_openpose(scene, tmp_path):
     first = min(write(scene.detections, tmp_path / "pose").rglob("*_keypoints.json"))
     person = json.loads(first.read_text())["people"][0]
     lengths = {key: len(values) for key, values in person.items() if key.endswith("_2d")}
@@ -59,7 +59,7 @@ def test_the_lists_equal_those_of_openpose(scene, tmp_path):
     assert person["face_keypoints_2d"][90:92] == nose.tolist()
 
 
-def test_bodies_alone_stay_bodies(scene, tmp_path):
+def test_bodies_without_hands_are_read_as_bodies(scene, tmp_path):
     folder = write(scene.detections, tmp_path / "pose")
     change(folder, tuple(part.key for part in HAND_AND_FACE_LISTS))
     found = read_detections(folder)
@@ -86,7 +86,7 @@ def test_missing_lists_are_reported(scene, tmp_path):
     assert places[:, 46:67].any(axis=1).all()
 
 
-def test_a_requested_body_skeleton_ignores_hands_and_faces(scene, tmp_path):
+def test_requested_body_skeleton_ignores_hands_and_faces(scene, tmp_path):
     found = read_detections(write(scene.detections, tmp_path / "pose"), "body_25")
     assert found.skeleton.name == "body_25"
     assert "--skeleton openpose_137" in found.notes[0]
@@ -118,7 +118,7 @@ def test_hands_of_another_size_are_an_error(scene, tmp_path):
         read_detections(folder)
 
 
-def test_a_view_without_people(scene, tmp_path):
+def test_view_without_people(scene, tmp_path):
     folder = write(scene.detections, tmp_path / "pose")
     for path in (folder / scene.detections.view_names[1]).glob("*.json"):
         path.write_text('{"people": []}')

@@ -99,7 +99,7 @@ def test_without_variances_there_are_no_standard_deviations(tmp_path):
     assert read_detections(tmp_path).sigma_px is None
 
 
-def test_a_table_whose_pickle_executes_code_is_refused(tmp_path):
+def test_table_whose_pickle_executes_code_is_refused(tmp_path):
     class Evil:
         def __reduce__(self):
             return (print, ("ran",))
@@ -111,7 +111,7 @@ def test_a_table_whose_pickle_executes_code_is_refused(tmp_path):
         read_detections(folder)
 
 
-def test_a_table_whose_pickle_allocates_gigabytes_is_refused(tmp_path):
+def test_table_whose_pickle_allocates_gigabytes_is_refused(tmp_path):
     """The pickle uses memo index 999,999,999."""
     folder = keypoint_files.deeplabcut_h5(example_detections(), tmp_path)
     with h5py.File(folder / "trial_left_dlc.h5", "a") as file:
@@ -183,7 +183,7 @@ def damage(kind: str, content: bytes) -> bytes:
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("kind", ["empty", "zeros", "half"])
 @pytest.mark.parametrize("name", A_FILE_A_CAMERA)
-def test_the_damaged_file_of_one_camera_is_an_error_that_names_it(name, kind, tmp_path):
+def test_damaged_file_of_one_camera_is_an_error_that_names_it(name, kind, tmp_path):
     given = example_detections(1 if name in ONE else 2, body=SKELETONS.get(name))
     path = WRITERS[name](given, tmp_path / "keypoints")
     for file in sorted(file for file in path.rglob("*") if file.is_file()):
@@ -196,7 +196,7 @@ def test_the_damaged_file_of_one_camera_is_an_error_that_names_it(name, kind, tm
 
 
 @pytest.mark.parametrize("name", ["alphapose", "coco_results", "rtmlib"])
-def test_a_camera_without_people_is_kept(name, tmp_path):
+def test_camera_without_people_is_kept(name, tmp_path):
     given = example_detections()
     path = WRITERS[name](given, tmp_path / "keypoints")
     next(file for file in path.rglob("*.json") if "right" in str(file)).write_text("[]")
@@ -215,7 +215,7 @@ def test_other_files_in_the_folder_are_ignored(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["openpose", "easymocap"])
-def test_the_first_frame_of_a_camera_that_is_damaged_is_named(name, tmp_path):
+def test_first_frame_of_a_camera_that_is_damaged_is_named(name, tmp_path):
     path = WRITERS[name](example_detections(), tmp_path / "keypoints")
     first = min(path.rglob("*.json"))
     first.write_bytes(b"")
@@ -234,14 +234,14 @@ def test_every_format_is_found_in_a_folder(name, tmp_path):
 @pytest.mark.parametrize(
     "name", ["detection_folder", "payload_arrays", "mediapipe_json", "mediapipe_wide", "mediapipe_long", "deeplabcut"]
 )
-def test_a_camera_with_an_empty_file_is_an_error(name, tmp_path):
+def test_camera_with_an_empty_file_is_an_error(name, tmp_path):
     path = WRITERS[name](example_detections(1, body=SKELETONS.get(name)), tmp_path)
     max(file for file in tmp_path.rglob("*") if file.is_file()).write_bytes(b"")
     with pytest.raises(FileError, match=r"truncated"):
         read_detections(path)
 
 
-def test_a_skeleton_of_another_number_is_refused(tmp_path):
+def test_skeleton_of_another_number_is_refused(tmp_path):
     path = WRITERS["replay_without_head"](example_detections(), tmp_path)
     with pytest.raises((FileError, SkeletonError), match="17 keypoints per person"):
         read_detections(path, "body_25")

@@ -6,7 +6,7 @@ import sleap_io
 from posefuse import read_detections
 
 
-def test_a_manual_instance_replaces_the_prediction_that_it_corrects(tmp_path):
+def test_manual_instance_replaces_the_prediction_that_it_corrects(tmp_path):
     skeleton = sleap_io.Skeleton(nodes=["a", "b"], edges=[("a", "b")])
     video = sleap_io.Video(filename="cam.mp4", open_backend=False)
     guess = sleap_io.PredictedInstance.from_numpy(np.array([[1.0, 2], [3, 4]]), skeleton, point_scores=np.ones(2))

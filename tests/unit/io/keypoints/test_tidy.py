@@ -19,7 +19,7 @@ def tidy_file(path, *rows, header=HEADER):
 
 
 class TestTidy:
-    def test_a_hand_written_table(self, tmp_path):
+    def test_hand_written_table(self, tmp_path):
         file = tidy_file(
             tmp_path, "b,7,0.5,0,3,paw,10,20,0.5", "b,7,0.5,0,3,nose,,,", "a,7,0.48,,,,,,", "b,8,0.6,,,,,,"
         )

@@ -10,7 +10,7 @@ from posefuse.model.alignment import Alignment
 
 
 class TestAnipose:
-    def test_m_and_center_lead_to_the_calibration(self, layered_result, tmp_path):
+    def test_world_transform_restores_calibrated_coordinates(self, layered_result, tmp_path):
         turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
         alignment = Alignment(turn, np.array([0.5, -0.25, 1.0]), 1.1)
         before = np.asarray(layered_result.layers["measured"].points_m)[:, 0]
@@ -26,7 +26,7 @@ class TestAnipose:
         # As Anipose's project-3d does it: to the calibration's own unit, here millimeters.
         np.testing.assert_allclose((nose + center) @ np.linalg.inv(matrix.T), 1000.0 * before[:, 0], rtol=1e-9)
 
-    def test_columns_are_aniposes(self, layered_result, tmp_path):
+    def test_columns_are_those_of_anipose(self, layered_result, tmp_path):
         posefuse.write(layered_result, tmp_path / "anipose.csv")
         table = pandas.read_csv(tmp_path / "anipose.csv")
         assert list(table.columns[:6]) == [f"nose_{kind}" for kind in ("x", "y", "z", "error", "ncams", "score")]
@@ -34,7 +34,7 @@ class TestAnipose:
         assert np.isnan(table["left_shoulder_ncams"][3])
         assert table["nose_ncams"][0] == layered_result.layers["solved"].n_views[0, 0, 0]
 
-    def test_a_file_of_aniposes(self, tmp_path):
+    def test_anipose_file_is_read(self, tmp_path):
         header = "a_b_x,a_b_y,a_b_z,a_b_error,a_b_ncams,a_b_score,"
         header += ",".join([*(f"M_{i}{j}" for i in range(3) for j in range(3)), "center_0,center_1,center_2", "fnum"])
         rest = "1,0,0,0,1,0,0,0,1,0,0,0"

@@ -9,7 +9,7 @@ from posefuse.model.cameras import UP_AXES, up_vector
 
 
 @pytest.mark.parametrize("up", UP_AXES)
-def test_turning_puts_up_along_y(up):
+def test_rotation_maps_up_to_y(up):
     turn = y_up_from_world(up)
     axis = {"x": [1, 0, 0], "y": [0, 1, 0], "z": [0, 0, 1]}[up[-1]]
     np.testing.assert_allclose(turn @ (np.array(axis) * (-1 if up[0] == "-" else 1)), [0, 1, 0])
@@ -18,7 +18,7 @@ def test_turning_puts_up_along_y(up):
 
 
 @pytest.mark.parametrize("up", UP_AXES)
-def test_up_becomes_y_by_the_least_turn(up):
+def test_rotation_to_y_up_is_minimal(up):
     turn = minimal_y_up_from_world(up)
     np.testing.assert_allclose(turn @ up_vector(up), [0, 1, 0])
     np.testing.assert_allclose(turn @ turn.T, np.eye(3))

@@ -25,7 +25,7 @@ def result(request):
 
 
 class TestBvh:
-    def test_an_independent_reader_finds_the_points(self, result, tmp_path):
+    def test_independent_reader_finds_the_points(self, result, tmp_path):
         assert bvh.write(result, "person_1", tmp_path / "a.bvh") == []
         found = Bvh(tmp_path / "a.bvh")
         keypoints, joints = joints_of(result, found.names)
@@ -37,12 +37,12 @@ class TestBvh:
         assert len(set(found.names)) == len(found.names)
         assert found.offsets[0] == [0.0, 0.0, 0.0]
 
-    def test_every_branch_ends(self, result, tmp_path):
+    def test_every_branch_has_an_end_site(self, result, tmp_path):
         bvh.write(result, "person_1", tmp_path / "a.bvh")
         found = Bvh(tmp_path / "a.bvh")
         assert len(found.ends) == len(set(range(len(found.names))) - set(found.parents))
 
-    def test_at_rest_a_human_stands_and_faces_z_with_the_arms_out(self, tmp_path):
+    def test_rest_pose_stands_facing_z_with_arms_out(self, tmp_path):
         bvh.write(posed("body_20"), "person_1", tmp_path / "a.bvh")
         found = Bvh(tmp_path / "a.bvh")
         rest = dict(zip(found.names, found.places(np.zeros((1, found.rows.shape[1])))[0], strict=True))
@@ -53,7 +53,7 @@ class TestBvh:
         assert rest["left_ankle"][1] < -50.0 < 0.0 < rest["neck" if "neck" in rest else "head"][1]
         assert rest["nose"][2] > 5.0
 
-    def test_lengths_are_the_persons_own(self, tmp_path):
+    def test_bone_lengths_are_those_of_the_person(self, tmp_path):
         result = posed("body_20", people=2)
         for p, person in enumerate(result.person_ids):
             bvh.write(result, person, tmp_path / "a.bvh")
@@ -63,7 +63,7 @@ class TestBvh:
 
     @given(st.sampled_from(UP_AXES), st.integers(0, 2**32 - 1))
     @examples(8)
-    def test_y_is_up_whatever_the_worlds_up(self, tmp_path_factory, up, seed):
+    def test_y_is_up_for_any_up_axis(self, tmp_path_factory, up, seed):
         result = posed("coco_17", 5, seed=seed)
         result = replace(result, rig=replace(result.rig, up_axis=up))
         path = tmp_path_factory.mktemp("bvh") / "a.bvh"
@@ -74,7 +74,7 @@ class TestBvh:
             0.01 * found.places()[:, joints], points_in_file_axes(result)[:, keypoints], atol=BVH_M
         )
 
-    def test_away_the_last_pose_is_held_and_that_is_said(self, tmp_path):
+    def test_absence_holds_the_last_pose_with_a_note(self, tmp_path):
         result = posed(away=(slice(0, 3), slice(10, 14), slice(28, 30)))
         notes = bvh.write(result, "person_1", tmp_path / "a.bvh")
         assert notes == [
@@ -87,7 +87,7 @@ class TestBvh:
         truth[7:11] = truth[6]
         np.testing.assert_allclose(0.01 * found.places()[:, joints], truth, atol=BVH_M)
 
-    def test_ranges_of_frames_make_no_difference(self, tmp_path):
+    def test_result_is_independent_of_frame_ranges(self, tmp_path):
         result = posed("mediapipe_holistic_543", 20, away=(slice(9, 13),))
         result = replace(result, frame_numbers=np.arange(20) + np.where(np.arange(20) > 15, 2, 0))
         bvh.write(result, "person_1", tmp_path / "a.bvh")
@@ -100,7 +100,7 @@ class TestBvh:
         one, other = (Gltf(tmp_path / f"{name}.glb").worlds(np.array([0.3])) for name in "ab")
         np.testing.assert_allclose(one, other, atol=1e-6)
 
-    def test_angles_do_not_jump(self, tmp_path):
+    def test_angles_are_continuous(self, tmp_path):
         result = posed("body_20", 400, seed=3)
         bvh.write(result, "person_1", tmp_path / "a.bvh")
         angles = Bvh(tmp_path / "a.bvh").rows[:, 3:6]
@@ -110,7 +110,7 @@ class TestBvh:
         assert np.abs(np.diff(angles, axis=0)).max() < 90.0 + fastest
         assert np.abs(angles).max() > 180.0
 
-    def test_a_hand_that_is_not_followed_stays(self, tmp_path):
+    def test_untracked_hand_does_not_move(self, tmp_path):
         result = posed("coco_wholebody_133")
         skeleton, poses = result.skeleton, result.poses
         hand = [part.name for part in skeleton.parts].index("left_hand")
@@ -136,13 +136,13 @@ class TestBvh:
         reach = np.linalg.norm(found.places()[:, tip] - found.places()[:, fore], axis=1)
         np.testing.assert_allclose(reach[12:20], reach[11], atol=1e-4)
 
-    def test_where_lengths_are_not_one_for_all_frames_it_is_said(self, tmp_path):
+    def test_varying_bone_lengths_give_a_note(self, tmp_path):
         result = posed("body_20")
         shape = 1.1 * np.asarray(result.poses.shape_m)
         (note,) = bvh.write(replace(result, poses=replace(result.poses, shape_m=shape)), "person_1", tmp_path / "a.bvh")
         assert "bones of an animation skeleton have constant lengths" in note
 
-    def test_where_up_is_unknown_it_is_said(self, tmp_path):
+    def test_unknown_up_axis_gives_a_note(self, tmp_path):
         result = posed("body_20")
         (note,) = bvh.write(replace(result, rig=replace(result.rig, up_axis=None)), "person_1", tmp_path / "a.bvh")
         assert "the up axis is unknown (--up)" in note

@@ -23,7 +23,7 @@ def by_c3d(path):
 
 
 class TestC3d:
-    def test_ezc3d_reads_it(self, frame_result, tmp_path):
+    def test_ezc3d_reads_the_file(self, frame_result, tmp_path):
         posefuse.write(frame_result, tmp_path / "person.c3d")
         found = ezc3d.c3d(str(tmp_path / "person.c3d"))
         point = found["parameters"]["POINT"]
@@ -40,7 +40,7 @@ class TestC3d:
         assert missing[5, 3]
         assert missing.sum() == 1
 
-    def test_an_independent_reader_agrees(self, frame_result, tmp_path):
+    def test_independent_reader_agrees(self, frame_result, tmp_path):
         posefuse.write(frame_result, tmp_path / "person.c3d")
         layer = frame_result.layers["measured"]
         frames = by_c3d(tmp_path / "person.c3d")
@@ -53,7 +53,7 @@ class TestC3d:
         np.testing.assert_allclose(residuals[known > 0], known[known > 0], atol=0.052)
         assert (cameras[2, 7], cameras[0, 0]) == (0b1100, 0b1111)
 
-    def test_points_that_are_known_badly_are_not_missing(self, frame_result, tmp_path):
+    def test_uncertain_points_are_not_missing(self, frame_result, tmp_path):
         """A residual of more than 127 steps beside the sign of the word is one all the same."""
         layer = frame_result.layers["measured"]
         rough = replace(layer, covariance_m2=np.asarray(layer.covariance_m2) * 0.0 + [4e-4, 0, 0, 4e-4, 0, 4e-4])
@@ -62,7 +62,7 @@ class TestC3d:
         assert (residuals < 0).sum() == 1
         np.testing.assert_allclose(residuals[residuals >= 0], 20.0, atol=0.051)
 
-    def test_more_views_than_bits(self, rng, tmp_path):
+    def test_more_views_than_bits_of_the_camera_mask(self, rng, tmp_path):
         rig = ring(9)
         many = reconstruct(rig, simulate_detections(rig, body_points(rng, 3), rng), Options(solve="frame"))
         posefuse.write(many, tmp_path / "person.c3d")
@@ -93,7 +93,7 @@ class TestC3d:
         assert last[0] == n
         np.testing.assert_allclose(last[1][2, :3], 1000 * layer.points_m[0, 0, 2], atol=1e-3)
 
-    def test_pixels_are_no_place(self, rng, tmp_path):
+    def test_pixel_results_are_refused(self, rng, tmp_path):
         rig = ring(1)
         flat = reconstruct(rig, simulate_detections(rig, body_points(rng, 2), rng), Options(solve="frame"))
         with pytest.raises(ResultError, match="in px.*Use TRC"):

@@ -10,7 +10,7 @@ import posefuse
 
 
 class TestDeepLabCut:
-    def test_pandas_reads_one_and_several(self, layered_result, pair_result, tmp_path):
+    def test_pandas_reads_one_and_several_people(self, layered_result, pair_result, tmp_path):
         for given, layer, levels in ((layered_result, "solved", 3), (pair_result, "measured", 4)):
             points = np.asarray(given.layers[layer].points_m)
             for name in ("a.h5", "a.csv"):
@@ -27,7 +27,7 @@ class TestDeepLabCut:
         assert h5["posefuse_measured", "ben", "tail"].shape == (len(h5), 3)
 
     @pytest.mark.parametrize("layout", ["fixed", "table"])
-    def test_files_that_pandas_wrote(self, layout, tmp_path):
+    def test_files_written_by_pandas_are_read(self, layout, tmp_path):
         levels = [["net"], ["nose", "paw"], ["x", "y", "z"]]
         columns = pandas.MultiIndex.from_product(levels, names=["scorer", "bodyparts", "coords"])
         values = np.random.default_rng(0).normal(size=(5, 6))

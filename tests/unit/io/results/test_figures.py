@@ -20,7 +20,7 @@ def result(request):
 
 class TestWhatCannotBeWritten:
     @pytest.mark.parametrize("end", ["bvh", "glb"])
-    def test_without_bodies(self, end, tmp_path):
+    def test_result_without_poses_is_refused(self, end, tmp_path):
         bare = replace(posed("body_20"), poses=None)
         with pytest.raises(ResultError, match="this result has none.*--bodies fit"):
             posefuse.write(bare, tmp_path / f"a.{end}")
@@ -28,29 +28,29 @@ class TestWhatCannotBeWritten:
         assert write_figures(bare, bare.person_ids, tmp_path) == ([], [])
 
     @pytest.mark.parametrize("end", ["bvh", "glb", "gltf"])
-    def test_nobody_in_any_frame(self, end, tmp_path):
+    def test_absent_person_is_refused(self, end, tmp_path):
         with pytest.raises(ResultError, match="person_1 is absent in all frames"):
             posefuse.write(posed(away=(slice(0, 30),)), tmp_path / f"a.{end}")
         assert list(tmp_path.iterdir()) == []
 
-    def test_an_uneven_bvh(self, tmp_path):
+    def test_uneven_times_are_refused_in_bvh(self, tmp_path):
         result = posed("body_20", 4)
         with pytest.raises(ResultError, match="A BVH file needs evenly spaced frames"):
             posefuse.write(replace(result, rate_hz=None, time_s=np.array([0, 1, 3, 4.0])), tmp_path / "a.bvh")
 
-    def test_poses_of_another_body(self, tmp_path):
+    def test_poses_of_another_skeleton_are_refused(self, tmp_path):
         poses = posed("mouse_22").poses
         with pytest.raises(ResultError, match="do not match its skeleton 'body_20'"):
             posefuse.write(replace(posed("body_20"), poses=poses), tmp_path / "a.bvh")
 
-    def test_several_people_are_a_file_each(self, tmp_path):
+    def test_several_people_are_written_to_one_file_each(self, tmp_path):
         result = posed(people=2)
         result = replace(result, rig=replace(result.rig, up_axis=None))
         done = posefuse.write(result, tmp_path / "a.bvh")
         assert any("up axis is unknown" in note for note in done.notes)
         assert sorted(path.name for path in tmp_path.iterdir()) == ["a_person_1.bvh", "a_person_2.bvh"]
 
-    def test_a_folder_gets_both_formats_of_everybody_who_is_there(self, tmp_path):
+    def test_folder_has_both_formats_of_every_person_present(self, tmp_path):
         result = posed(people=2)
         turns, points = np.array(result.poses.turns), np.array(result.layers["model"].points_m)
         turns[:, 1], points[:, 1] = np.nan, np.nan
@@ -61,7 +61,7 @@ class TestWhatCannotBeWritten:
         assert notes == ["person_2 is absent in all frames: no BVH or glTF was written for person_2."]
 
 
-def test_the_truth_of_these_tests_is_a_body_at_rest(tmp_path):
+def test_helper_kinematics_of_the_rest_pose_match_hand_computed_values(tmp_path):
     """The helper's own kinematics, by hand: an adult who stands straight."""
     skeleton = posed("body_20").skeleton
     tree = skeleton.tree

@@ -49,14 +49,14 @@ class TestFreeMoCap:
         ]
         np.testing.assert_array_equal(table.to_numpy(), cut[2].reshape(3, -1))
 
-    def test_the_raw_array_is_the_measured_layer(self, layered_result, tmp_path):
+    def test_raw_array_is_the_measured_layer(self, layered_result, tmp_path):
         posefuse.write(layered_result, tmp_path / "a.npz")
         with np.load(tmp_path / "a.npz") as arrays:
             raw = arrays["coco_17_3dData_numFrames_numTrackedPoints_spatialXYZ"]
             np.testing.assert_array_equal(raw, 1000.0 * np.asarray(layered_result.layers["measured"].points_m)[:, 0])
             np.testing.assert_array_equal(arrays["coco_17_skeleton_3d"], 1000.0 * solved(layered_result)[:, 0])
 
-    def test_a_recording_of_freemocaps_is_not_written_over(self, layered_result, tmp_path):
+    def test_freemocap_recording_is_not_overwritten(self, layered_result, tmp_path):
         theirs = tmp_path / "recording" / "output_data" / "mediapipe_skeleton_3d.npy"
         theirs.parent.mkdir(parents=True)
         theirs.write_bytes(b"theirs")
@@ -64,7 +64,7 @@ class TestFreeMoCap:
             posefuse.write(layered_result, tmp_path / "recording", "freemocap")
         assert theirs.read_bytes() == b"theirs"
 
-    def test_one_camera_is_no_place_in_the_world(self, tmp_path):
+    def test_single_camera_result_is_refused(self, tmp_path):
         rng = np.random.default_rng(0)
         rig = ring(1)
         flat = reconstruct(rig, simulate_detections(rig, body_points(rng, 2), rng), Options(solve="frame"))
@@ -75,7 +75,7 @@ class TestFreeMoCap:
             posefuse.write(flat, tmp_path / name)
             assert posefuse.read_points(tmp_path / name).unit == "px"
 
-    def test_a_bomb_is_refused(self, tmp_path, monkeypatch):
+    def test_decompression_bomb_is_refused(self, tmp_path, monkeypatch):
         monkeypatch.setattr("posefuse.io.files._LARGE_BYTES", 2**20)
         with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED) as archive:
             archive.writestr("head.npy", bytes(2**22))

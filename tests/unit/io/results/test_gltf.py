@@ -22,7 +22,7 @@ def result(request):
 
 class TestGltf:
     @pytest.mark.parametrize("end", ["glb", "gltf"])
-    def test_an_independent_reader_finds_the_points(self, end, result, tmp_path):
+    def test_independent_reader_finds_the_points(self, end, result, tmp_path):
         path = tmp_path / f"a.{end}"
         assert gltf.write(result, "person_1", path) == []
         found = Gltf(path)
@@ -31,7 +31,7 @@ class TestGltf:
         worlds = found.worlds(seconds)[..., :3, 3][:, joints]
         np.testing.assert_allclose(worlds, points_in_file_axes(result)[:, keypoints], atol=GLTF_M)
 
-    def test_the_skin_binds_the_figure_at_rest(self, result, tmp_path):
+    def test_skin_is_bound_in_the_rest_pose(self, result, tmp_path):
         gltf.write(result, "person_1", tmp_path / "a.glb")
         found = Gltf(tmp_path / "a.glb")
         inverse = found.numbers(found.skin.inverseBindMatrices).reshape(-1, 4, 4).transpose(0, 2, 1)
@@ -43,7 +43,7 @@ class TestGltf:
         lowest = rest[found.skin.joints, 1, 3].min()
         assert lowest == pytest.approx(0.0, abs=1e-6)
 
-    def test_the_mesh_moves_with_its_joints(self, result, tmp_path):
+    def test_mesh_moves_with_its_joints(self, result, tmp_path):
         gltf.write(result, "person_1", tmp_path / "a.glb")
         found = Gltf(tmp_path / "a.glb")
         for primitive in found.file.meshes[0].primitives:
@@ -62,7 +62,7 @@ class TestGltf:
             # Sticks are closed and seen from outside: their volume is positive.
             assert np.einsum("ti,ti->t", triangle[:, 0], across).sum() > 0
 
-    def test_away_there_are_no_keys_and_nothing_is_shown(self, tmp_path):
+    def test_absence_has_no_keys_and_hides_the_figure(self, tmp_path):
         result = posed(away=(slice(0, 3), slice(10, 14), slice(28, 30)))
         (note,) = gltf.write(result, "person_1", tmp_path / "a.glb")
         assert note == (
@@ -77,14 +77,14 @@ class TestGltf:
         present = np.isfinite(result.layers["model"].points_m[:, 0, 0, 0])
         np.testing.assert_allclose(keys, np.flatnonzero(present) / RATE_HZ, atol=1e-6)
 
-    def test_neighboring_keys_are_on_one_side(self, tmp_path):
+    def test_consecutive_quaternions_are_in_one_hemisphere(self, tmp_path):
         gltf.write(posed("body_20", 300, seed=5), "person_1", tmp_path / "a.glb")
         found = Gltf(tmp_path / "a.glb")
         for node in range(len(found.names)):
             if (turn := found.channel(node, "rotation")) is not None:
                 assert (np.einsum("fi,fi->f", turn[1][1:], turn[1][:-1]) > 0.0).all()
 
-    def test_the_file_is_laid_out_as_the_specification_says(self, tmp_path):
+    def test_binary_layout_follows_the_specification(self, tmp_path):
         gltf.write(posed("body_20"), "person_1", tmp_path / "a.glb")
         data = (tmp_path / "a.glb").read_bytes()
         magic, version, size, text_size, text_kind = struct.unpack_from("<4sIII4s", data)
@@ -97,12 +97,12 @@ class TestGltf:
         inputs = {each["input"] for each in content["animations"][0]["samplers"]}
         assert all({"min", "max"} <= content["accessors"][each].keys() for each in inputs)
 
-    def test_the_same_bytes_each_time(self, tmp_path):
+    def test_same_input_gives_the_same_bytes(self, tmp_path):
         for name in "ab":
             gltf.write(posed("body_20"), "person_1", tmp_path / f"{name}.glb")
         assert (tmp_path / "a.glb").read_bytes() == (tmp_path / "b.glb").read_bytes()
 
-    def test_uneven_times_are_kept(self, tmp_path):
+    def test_uneven_times_are_preserved(self, tmp_path):
         result = posed("body_20", 6)
         times = np.array([2.0, 2.1, 2.15, 2.4, 2.5, 2.9])
         gltf.write(replace(result, time_s=times, rate_hz=None), "person_1", tmp_path / "a.glb")

@@ -14,7 +14,7 @@ from tests.unit.io.results.test_registry import solved
 
 class TestMovement:
     @pytest.mark.parametrize("engine", ["h5netcdf", "netcdf4"])
-    def test_xarray_and_movements_validator(self, engine, layered_result, tmp_path):
+    def test_xarray_and_the_validator_of_movement_accept_the_file(self, engine, layered_result, tmp_path):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             from movement.validators.datasets import ValidPosesInputs
@@ -41,7 +41,7 @@ class TestMovement:
             found = data["position"].sel({axis: name}).squeeze().values
             np.testing.assert_array_equal(found, solved(layered_result)[:, 0, k])
 
-    def test_a_file_of_an_older_movement(self, tmp_path):
+    def test_file_of_an_older_version_is_read(self, tmp_path):
         points = np.random.default_rng(0).normal(size=(4, 3, 2, 1))
         axes = ("time", "space", "keypoints", "individuals")
         names = {"time": np.arange(4) / 30, "space": list("xyz"), "keypoints": ["a", "b"], "individuals": ["id_0"]}
@@ -53,7 +53,7 @@ class TestMovement:
         assert (found.keypoints, found.person_ids, found.rate_hz, found.status) == (("a", "b"), ("id_0",), 30.0, None)
         np.testing.assert_array_equal(found.points_m[:, 0], points[..., 0].transpose(0, 2, 1))
 
-    def test_times_that_nobody_knows(self, pair_result, tmp_path):
+    def test_unknown_times(self, pair_result, tmp_path):
         unknown = replace(pair_result, time_s=np.full(6, np.nan), rate_hz=None)
         posefuse.write(unknown, tmp_path / "movement.nc")
         found = posefuse.read_points(tmp_path / "movement.nc")
@@ -61,7 +61,7 @@ class TestMovement:
         np.testing.assert_array_equal(found.frame_numbers, pair_result.frame_numbers)
 
 
-def test_a_heap_that_the_library_would_follow_without_end(pair_result, tmp_path):
+def test_cyclic_heap_is_refused(pair_result, tmp_path):
     posefuse.write(pair_result, tmp_path / "movement.nc")
     content = bytearray((tmp_path / "movement.nc").read_bytes())
     at = start = content.index(b"GCOL")

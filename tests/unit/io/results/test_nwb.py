@@ -31,7 +31,7 @@ def file(people, tmp_path_factory) -> Path:
     return path
 
 
-def test_the_validator_has_nothing_to_say(file):
+def test_validator_reports_no_errors(file):
     import pynwb
 
     found = pynwb.validate(path=str(file))
@@ -39,7 +39,7 @@ def test_the_validator_has_nothing_to_say(file):
     assert list(errors) == []
 
 
-def test_pynwb_reads_what_was_meant(people, file):
+def test_pynwb_reads_the_written_values(people, file):
     import pynwb
 
     layer = people.layers["measured"]
@@ -65,12 +65,12 @@ def test_pynwb_reads_what_was_meant(people, file):
             np.testing.assert_allclose(camera.distortion_coefficients[:], given.distortion, rtol=1e-6)
 
 
-def test_the_same_result_gives_the_same_bytes(people, file, tmp_path):
+def test_same_result_gives_the_same_bytes(people, file, tmp_path):
     posefuse.write(people, tmp_path / "again.nwb")
     assert (tmp_path / "again.nwb").read_bytes() == file.read_bytes()
 
 
-def test_names_that_the_file_has_already(people, tmp_path):
+def test_names_of_internal_datasets_are_valid(people, tmp_path):
     for names in (["frame_number", "Skeletons"], ["a", "a_covariance"]):
         keypoints = ("view_a", "view_b", "c", "C")
         given = replace(
@@ -83,7 +83,7 @@ def test_names_that_the_file_has_already(people, tmp_path):
         np.testing.assert_array_equal(found.points_m, given.layers["measured"].points_m)
 
 
-def test_what_cannot_be(people, tmp_path, monkeypatch):
+def test_unrepresentable_results_are_refused(people, tmp_path, monkeypatch):
     untimed = replace(people, time_s=np.full(6, np.nan))
     with pytest.raises(ResultError, match=r"needs the time of every frame.*--rate-hz"):
         posefuse.write(untimed, tmp_path / "x.nwb")
@@ -93,7 +93,7 @@ def test_what_cannot_be(people, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_file_of_somebody_else(tmp_path):
+def test_file_of_another_program_is_refused(tmp_path):
     import h5py
 
     with h5py.File(tmp_path / "x.nwb", "w") as content:
@@ -102,5 +102,5 @@ def test_a_file_of_somebody_else(tmp_path):
         posefuse.read_points(tmp_path / "x.nwb")
 
 
-def test_broken_files_are_errors_that_say_so(tmp_path):
+def test_broken_files_raise_posefuse_errors(tmp_path):
     assert read_broken("nwb", tmp_path / "k", 200) < 200

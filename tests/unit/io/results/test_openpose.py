@@ -15,7 +15,7 @@ from tests.figures import model_layer, posed
 
 
 class TestOpenPose:
-    def test_our_reader_finds_the_projections(self, tmp_path):
+    def test_projections_are_read_back(self, tmp_path):
         result = posed("coco_17", 6, people=2, away=(slice(2, 3),))
         openpose.write(result, tmp_path / "o", "model")
         found = posefuse.read_detections(tmp_path / "o", "coco_17")
@@ -33,7 +33,7 @@ class TestOpenPose:
                 expected = expected[np.isfinite(expected).any(axis=(1, 2))]
                 np.testing.assert_allclose(seen, expected, atol=5.1e-4)
 
-    def test_outside_the_image_there_is_nothing(self, tmp_path):
+    def test_points_outside_the_image_are_missing(self, tmp_path):
         result = posed("coco_17", 1)
         points = np.array(result.layers["model"].points_m)
         points[0, 0, 3] += 100.0
@@ -46,18 +46,18 @@ class TestOpenPose:
         assert person["posefuse"]["source"] == ["modeled"] * 17
 
     @pytest.mark.parametrize("name", ["../../etc", "a/b", "..", ".hidden"])
-    def test_a_hostile_camera_stays_inside(self, name, tmp_path):
+    def test_camera_names_do_not_leave_the_folder(self, name, tmp_path):
         result = posed("coco_17", 1)
         cameras = (replace(result.rig.cameras[0], name=name), *result.rig.cameras[1:])
         with pytest.raises(FileError, match="is not a valid file name"):
             openpose.write(replace(result, rig=CameraRig(cameras, up_axis="z")), tmp_path / "o", "model")
         assert list(tmp_path.iterdir()) == []
 
-    def test_an_image_plane_is_not_projected(self, tmp_path):
+    def test_single_camera_result_is_not_projected(self, tmp_path):
         with pytest.raises(ResultError, match="it has no 3D points to project"):
             openpose.write(replace(posed("coco_17", 1), unit="px"), tmp_path / "o", "model")
 
-    def test_a_result_in_a_recordings_folder_is_not_taken_for_what_was_recorded(self, tmp_path):
+    def test_written_projections_are_not_found_as_keypoints_of_a_recording(self, tmp_path):
         result = posed("coco_17", 3)
         openpose.write(result, tmp_path / "pose", "model")
         openpose.write(result, tmp_path / "out" / "openpose", "model")

@@ -38,13 +38,13 @@ class TestOpenSim:
                 assert other.place_m == (*marker.place_m[:2], -marker.place_m[2])
                 assert other.body == (marker.body[:-2] + "_l" if marker.body.endswith("_r") else marker.body)
 
-    def test_measurements_are_between_markers_and_scale_each_body_along_each_axis_once(self):
+    def test_every_body_axis_is_scaled_by_one_measurement(self):
         scaled = [(body, axis) for each in MEASUREMENTS for body in each.bodies for axis in each.axes.split()]
         assert len(set(scaled)) == len(scaled)
         assert {name for each in MEASUREMENTS for pair in each.pairs for name in pair} <= set(MARKERS)
         assert {marker.body for marker in MARKERS.values()} <= {body for body, _ in scaled}
 
-    def test_the_folder(self, tmp_path):
+    def test_folder_contains_all_files(self, tmp_path):
         result = replace(posed("halpe_26", people=2), options=Options(subject=SubjectOptions(mass_kg=71.5)))
         notes = opensim.write(result, result.person_ids, tmp_path / "o", "model")
         assert sorted(path.name for path in (tmp_path / "o").iterdir()) == [
@@ -62,25 +62,25 @@ class TestOpenSim:
         tasks = {e.get("name") for e in ElementTree.parse(tmp_path / "o" / "person_1_ik.xml").iter("IKMarkerTask")}
         assert tasks == on_model
 
-    def test_scaling_takes_the_longest_stretch_and_angles_the_whole_life(self, tmp_path):
+    def test_scaling_uses_the_longest_range_and_angles_use_all_frames(self, tmp_path):
         result = posed("coco_17", away=(slice(0, 4), slice(9, 11), slice(27, 30)))
         opensim.write(result, result.person_ids, tmp_path / "o", "model")
         assert texts(tmp_path / "o" / "person_1_scaling.xml", "time_range") == [f"{7 + 11 / 50:f} {7 + 26 / 50:f}"]
         assert texts(tmp_path / "o" / "person_1_ik.xml", "time_range") == [f"{7 + 4 / 50:f} {7 + 26 / 50:f}"]
 
-    def test_an_animal_has_no_place_on_it(self, tmp_path):
+    def test_animals_are_refused(self, tmp_path):
         with pytest.raises(ResultError, match="needs the markers RHip, LHip, RKnee, LKnee; skeleton 'mouse_22'"):
             posefuse.write(posed("mouse_22"), tmp_path / "o", "opensim")
         assert not (tmp_path / "o").exists()
 
-    def test_what_is_not_known_is_said(self, tmp_path):
+    def test_unknown_values_give_notes(self, tmp_path):
         result = posed("coco_17")
         result = replace(result, rig=replace(result.rig, up_axis=None))
         said = " ".join(posefuse.write(result, tmp_path / "o", "opensim").notes)
         assert "mass of person_1 is unknown (--subject.mass-kg)" in said
         assert "the up axis is unknown" in said
 
-    def test_other_peoples_files_stay(self, tmp_path):
+    def test_files_of_other_people_are_kept(self, tmp_path):
         (tmp_path / "thesis.docx").write_text("years of work")
         with pytest.raises(FileError, match="already contains other files"):
             opensim.write(posed("coco_17"), ("person_1",), tmp_path, "model")

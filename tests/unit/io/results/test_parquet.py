@@ -25,7 +25,7 @@ class TestParquet:
             name for name, one in zip(layered_result.rig.names, used, strict=True) if one
         ]
 
-    def test_the_metadata_tell_the_cameras_and_the_layer(self, layered_result, tmp_path):
+    def test_metadata_contain_cameras_and_layer(self, layered_result, tmp_path):
         posefuse.write(layered_result, tmp_path / "p.parquet")
         metadata = pyarrow.parquet.read_schema(tmp_path / "p.parquet").metadata
         said = json.loads(metadata[b"posefuse"])

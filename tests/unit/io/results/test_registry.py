@@ -16,7 +16,7 @@ from tests.broken import broken
 from tests.properties.test_result_files import FILES, some_result
 
 
-def test_unknown_formats(frame_result, tmp_path):
+def test_unknown_formats_are_refused(frame_result, tmp_path):
     with pytest.raises(ResultError, match="No format 'bvhh'"):
         posefuse.write(frame_result, tmp_path / "a.nc", "bvhh")
     with pytest.raises(ResultError, match="ends in no known format. Formats: netcdf, parquet, anipose"):
@@ -29,7 +29,7 @@ def solved(layered_result: Reconstruction) -> np.ndarray:
     return np.asarray(layered_result.layers["solved"].points_m)
 
 
-def test_formats_are_told_by_names(layered_result, tmp_path):
+def test_format_follows_from_the_file_name(layered_result, tmp_path):
     names = {
         "a.parquet": "parquet", "pose_anipose.csv": "anipose", "x_DLC_3d.csv": "deeplabcut", "DLC_3d.h5": "deeplabcut",
         "points3d.h5": "sleap", "a.movement.nc": "movement", "a.npz": "npz", "a.csv": "csv",
@@ -56,7 +56,7 @@ def test_formats_are_told_by_names(layered_result, tmp_path):
 
 
 @pytest.mark.parametrize("kind", [kind for kind in FILES if kind != "nwb"])
-def test_the_same_result_gives_the_same_bytes(kind, pair_result, tmp_path):
+def test_same_result_gives_the_same_bytes(kind, pair_result, tmp_path):
     form, name = FILES[kind]
     for folder in ("one", "two"):
         (tmp_path / folder).mkdir()
@@ -80,7 +80,7 @@ def test_every_written_format_has_exactly_one_writer():
     assert set(additional_names()) <= {form.name for form in RESULTS.written()}
 
 
-def test_nobody_and_no_frames(pair_result, tmp_path):
+def test_results_without_people_or_frames(pair_result, tmp_path):
     empty = pair_result.frames(0, 0)
     for kind in ("anipose", "sleap", "h5", "npz"):
         form, name = FILES[kind]
@@ -126,12 +126,12 @@ _READ = (
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning", "ignore::RuntimeWarning")
 @pytest.mark.parametrize("kind", [kind for kind in FILES if kind != "nwb"])
-def test_broken_files_are_errors_that_say_so(kind, tmp_path):
+def test_broken_files_raise_posefuse_errors(kind, tmp_path):
     assert read_broken(kind, tmp_path / "k", 200) < 200
 
 
 @pytest.mark.long
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning", "ignore::RuntimeWarning")
 @pytest.mark.parametrize("kind", FILES)
-def test_very_many_broken_files(kind, tmp_path):
+def test_many_broken_files_raise_posefuse_errors(kind, tmp_path):
     assert read_broken(kind, tmp_path / "k", 10_000) < 10_000

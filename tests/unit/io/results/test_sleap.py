@@ -7,7 +7,7 @@ import posefuse
 
 
 class TestSleap:
-    def test_tracks_are_sleap_aniposes(self, pair_result, tmp_path):
+    def test_tracks_are_those_of_sleap_anipose(self, pair_result, tmp_path):
         posefuse.write(pair_result, tmp_path / "points3d.h5")
         points = np.asarray(pair_result.layers["measured"].points_m)
         with h5py.File(tmp_path / "points3d.h5") as file:
@@ -15,7 +15,7 @@ class TestSleap:
         assert tracks.shape == (pair_result.frame_numbers[-1] - pair_result.frame_numbers[0] + 1, 2, 4, 3)
         np.testing.assert_array_equal(tracks[pair_result.frame_numbers - pair_result.frame_numbers[0]], points)
 
-    def test_a_file_of_sleap_aniposes(self, tmp_path):
+    def test_sleap_anipose_file_is_read(self, tmp_path):
         points = np.random.default_rng(0).normal(size=(4, 2, 3, 3))
         with h5py.File(tmp_path / "points3d.h5", "w") as file:
             file["tracks"] = points

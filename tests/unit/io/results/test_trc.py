@@ -12,7 +12,7 @@ from posefuse.io.results.axes import y_up_from_world
 
 
 class TestTrc:
-    def test_an_independent_reading(self, frame_result, tmp_path):
+    def test_independent_parser_finds_the_points(self, frame_result, tmp_path):
         path = tmp_path / "person.trc"
         posefuse.write(frame_result, path)
         lines = path.read_text().split("\n")
@@ -33,7 +33,7 @@ class TestTrc:
         x, y, z = frame_result.layers["measured"].points_m[4, 0, 9]
         np.testing.assert_allclose([float(cell) for cell in cells[4][2 + 27 : 2 + 30]], [y, z, x], atol=1e-6)
 
-    def test_our_reader_agrees(self, frame_result, tmp_path):
+    def test_file_is_read_back(self, frame_result, tmp_path):
         posefuse.write(frame_result, tmp_path / "person.trc")
         found = trc.read(tmp_path / "person.trc")
         assert found.names == frame_result.skeleton.keypoints
@@ -41,14 +41,14 @@ class TestTrc:
         expected = frame_result.layers["measured"].points_m[:, 0] @ y_up_from_world("z").T
         np.testing.assert_allclose(found.points_m, expected, atol=5e-7)
 
-    def test_without_a_known_up_nothing_turns(self, frame_result, tmp_path):
+    def test_unknown_up_axis_gives_no_rotation(self, frame_result, tmp_path):
         unknown = replace(frame_result, rig=replace(frame_result.rig, up_axis=None))
         posefuse.write(unknown, tmp_path / "person.trc")
         np.testing.assert_allclose(
             trc.read(tmp_path / "person.trc").points_m, frame_result.layers["measured"].points_m[:, 0], atol=5e-7
         )
 
-    def test_frames_the_recording_lacks_are_empty_rows(self, frame_result, tmp_path):
+    def test_missing_frames_are_empty_rows(self, frame_result, tmp_path):
         numbers = np.array([4, 5, 6, 9, 10, 11, 12, 13, 14])
         posefuse.write(replace(frame_result, frame_numbers=numbers), tmp_path / "person.trc")
         found = trc.read(tmp_path / "person.trc")
@@ -56,7 +56,7 @@ class TestTrc:
         assert np.isnan(found.points_m[3:5]).all()
         np.testing.assert_allclose(np.diff(found.time_s), 1 / 60, atol=2e-6)
 
-    def test_a_rate_must_be_known_and_even(self, frame_result, tmp_path):
+    def test_frame_rate_must_be_known_and_constant(self, frame_result, tmp_path):
         with pytest.raises(ResultError, match=r"needs a frame rate.*detections.with_rate\(60\)"):
             posefuse.write(replace(frame_result, rate_hz=None, time_s=np.full(9, np.nan)), tmp_path / "person.trc")
         uneven = frame_result.time_s + np.array([0, 0, 0.01, 0, 0, 0, 0, 0, 0])

@@ -65,7 +65,7 @@ class TestFolder:
         np.testing.assert_array_equal(sds, crowd_result.poses.angle_sd_deg.ravel())
         assert "nan" not in (folder / "angles.csv").read_text()
 
-    def test_somebody_who_goes_and_comes_back(self, crowd_result, folder):
+    def test_person_who_leaves_and_returns(self, crowd_result, folder):
         expected = np.asarray(crowd_result.layers["model"].points_m)[:, 3]
         there = np.isfinite(expected[..., 0])
         away = ~there.any(axis=1)
@@ -81,7 +81,7 @@ class TestFolder:
         np.testing.assert_allclose(frames[0][there[0], :3], 1000 * expected[0][there[0]], atol=1e-2)
 
 
-def test_what_people_are_called_leads_out_of_no_folder(tmp_path):
+def test_names_of_people_do_not_leave_the_folder(tmp_path):
     names = ["../../x", "/etc/x", "a/b"]
     given = some_result(3, names, ["nose", "tail", "left_paw", "right_paw"], ["a", "b"], 6)
     (tmp_path / "in" / "out").mkdir(parents=True)

@@ -122,7 +122,7 @@ class Sample:
         ({"method": "alhpa"}, "stage.sample.method must be one of alpha, a, got 'alhpa'. Did you mean 'alpha'?"),
     ],
 )
-def test_message(values: dict[str, Any], message: str) -> None:
+def test_message_names_the_value_and_the_range(values: dict[str, Any], message: str) -> None:
     with pytest.raises(OptionsError) as caught:
         Sample(**values)
     assert str(caught.value) == message

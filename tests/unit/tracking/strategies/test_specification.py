@@ -148,7 +148,7 @@ def predict_states(state: State, dt_s: float) -> None:
     predict_people(np.array([dt_s]), s.decay_s, s.power, s.most, s.options.motion.shape_walk, state)
 
 
-def test_the_prior_is_the_process_noise_since_the_last_update() -> None:
+def test_prior_is_the_process_noise_since_the_last_update() -> None:
     """Process noise over two frames without an update is that of their total time."""
     once, twice, recent = standing(), standing(), unknown()
     for state in (once, twice):
@@ -184,7 +184,7 @@ def test_fixed_shape_stays_certain() -> None:
     np.testing.assert_array_equal(state.shape, shape)
 
 
-def test_a_match_costs_the_sum_of_squared_sigmas_less_the_bonus() -> None:
+def test_match_gain_is_the_bonus_minus_squared_residuals() -> None:
     state, recent = standing(), unknown()
     match = STRATEGY.score.match
     near, far = (
@@ -204,7 +204,7 @@ def test_detections_beyond_the_gate_do_not_match() -> None:
     assert (found.gain == -np.inf).all()
 
 
-def test_scores_are_weighted_sums_that_fade() -> None:
+def test_scores_are_exponentially_weighted_sums() -> None:
     state, track, dt_s = standing(), tracked_person(), 0.04
     keep = math.exp(-dt_s / SEED.score_memory_s)
     score = STRATEGY.score.track_scores(shown(state, SIGMA_PX), [track], state, SETTINGS)[0]
@@ -360,7 +360,7 @@ def test_lengths_are_in_proportion_to_bodies() -> None:
         ({"id_bonus": math.inf}, "tracker.specification.id_bonus must be a finite number of at least 0, got inf"),
     ],
 )
-def test_impossible_weights_are_named(given_: dict[str, float], message: str) -> None:
+def test_invalid_weights_are_named(given_: dict[str, float], message: str) -> None:
     with pytest.raises(OptionsError, match=message):
         replace(SpecificationOptions(), **given_)
 
