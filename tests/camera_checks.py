@@ -7,9 +7,9 @@ import numpy as np
 from posefuse.model.cameras import CameraRig
 
 
-def assert_same_cameras(found: CameraRig, expected: CameraRig, atol: float = 1e-12) -> None:
-    assert found.names == expected.names
-    for a, b in zip(found.cameras, expected.cameras, strict=True):
+def assert_same_cameras(actual: CameraRig, expected: CameraRig, atol: float = 1e-12) -> None:
+    assert actual.names == expected.names
+    for a, b in zip(actual.cameras, expected.cameras, strict=True):
         np.testing.assert_allclose(a.matrix, b.matrix, atol=atol)
         np.testing.assert_allclose(a.camera_from_world, b.camera_from_world, atol=atol)
         assert (a.lens, a.size_px) == (b.lens, b.size_px)

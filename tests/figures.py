@@ -68,7 +68,7 @@ def places(skeleton: Skeleton, root: np.ndarray, turns: np.ndarray, ways: np.nda
         *((part.tree, part.keypoints, part.at) for part in skeleton.parts),
     ]:
         start = root if at < 0 else out[:, at]
-        found = [start]
+        actual = [start]
         for node in tree.nodes[1:]:
             place = [
                 sign * shape[h + number] if number >= 0 else value
@@ -76,20 +76,20 @@ def places(skeleton: Skeleton, root: np.ndarray, turns: np.ndarray, ways: np.nda
             ]
             carried = turns[:, s + node.mover] @ place if not node.is_bone else None
             step = place[2] * ways[:, b + node.mover] if carried is None else carried
-            found.append(found[node.parent] + step)
+            actual.append(actual[node.parent] + step)
         for n, k in zip(tree.keypoint_nodes, keypoints, strict=True):
             if n >= 0:
-                out[:, k] = found[n]
+                out[:, k] = actual[n]
         s, b, h = s + len(tree.segments), b + len(tree.bones), h + len(tree.shape_m)
     return out
 
 
 def model_layer(points: np.ndarray, views: int = 3) -> Layer:
     shape = points.shape[:-1]
-    there = np.isfinite(points[..., 0])
+    present = np.isfinite(points[..., 0])
     return Layer(
-        points, np.full((*shape, 6), np.nan), np.where(there, PointStatus.OK, PointStatus.ABSENT).astype(np.int8),
-        np.where(there, Source.MODELED, Source.NONE).astype(np.int8), np.full(shape, np.nan),
+        points, np.full((*shape, 6), np.nan), np.where(present, PointStatus.OK, PointStatus.ABSENT).astype(np.int8),
+        np.where(present, Source.MODELED, Source.NONE).astype(np.int8), np.full(shape, np.nan),
         np.full((*shape, views), ViewStatus.USED, dtype=np.int8), np.full((*shape, views), np.nan, dtype=np.float32),
     )  # fmt: skip
 
@@ -133,7 +133,7 @@ class Bvh:
     def places(self, rows: np.ndarray | None = None) -> np.ndarray:
         """Shape (frame, joint, 3)."""
         rows = self.rows if rows is None else rows
-        at, found, turns = 0, [], []
+        at, actual, turns = 0, [], []
         for parent, offset, channels in zip(self.parents, self.offsets, self.channels, strict=True):
             place, turn = np.tile(offset, (len(rows), 1)), Rotation.identity(len(rows))
             for channel in channels:
@@ -144,10 +144,10 @@ class Bvh:
                 else:
                     turn = turn * Rotation.from_rotvec(np.radians(values)[:, None] * np.eye(3)[axis])
             if parent >= 0:
-                place, turn = found[parent] + turns[parent].apply(place), turns[parent] * turn
-            found.append(place)
+                place, turn = actual[parent] + turns[parent].apply(place), turns[parent] * turn
+            actual.append(place)
             turns.append(turn)
-        return np.stack(found, axis=1)
+        return np.stack(actual, axis=1)
 
 
 class Gltf:
@@ -187,14 +187,14 @@ class Gltf:
         for n, node in enumerate(self.file.nodes):
             out[:, n, :3, 3] = node.translation or 0.0
             for path in ("translation", "rotation") if seconds is not None else ():
-                found = self.channel(n, path)
-                if found is not None:
-                    keys = np.searchsorted(found[0], np.float32(seconds))
-                    assert (found[0][keys] == np.float32(seconds)).all()
+                actual = self.channel(n, path)
+                if actual is not None:
+                    keys = np.searchsorted(actual[0], np.float32(seconds))
+                    assert (actual[0][keys] == np.float32(seconds)).all()
                     if path == "translation":
-                        out[:, n, :3, 3] = found[1][keys]
+                        out[:, n, :3, 3] = actual[1][keys]
                     else:
-                        out[:, n, :3, :3] = Rotation.from_quat(found[1][keys]).as_matrix()
+                        out[:, n, :3, :3] = Rotation.from_quat(actual[1][keys]).as_matrix()
         order = sorted(range(len(self.names)), key=self._depth)
         for n in order:
             if self.parents[n] >= 0:

@@ -83,5 +83,5 @@ def operating_room(folder):
         "cameras_info": {"camParams": parameters},
     }  # fmt: skip
     (folder / "camma_mvor_2018.json").write_text(json.dumps(data))
-    found = [{"image_id": 12, "coco_keypoints": [1.0, 2.0, 0.5] * 17, "keypoints": []}]
-    (folder / "openpose_kps.json").write_text(json.dumps(found))
+    actual = [{"image_id": 12, "coco_keypoints": [1.0, 2.0, 0.5] * 17, "keypoints": []}]
+    (folder / "openpose_kps.json").write_text(json.dumps(actual))

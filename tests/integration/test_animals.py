@@ -32,11 +32,11 @@ def scene() -> CrowdScene:
 
 def test_skeleton_of_the_documentation_equals_that_of_the_benchmark() -> None:
     (text,) = re.findall(r"(?s)```toml\n(.*?)```", PAGE)
-    ours, theirs = parse_skeleton(text, "my_mouse.toml"), parse_skeleton(OWN_TOML, "my_mouse.toml")
-    assert (ours.keypoints, ours.edges, ours.pairs) == (theirs.keypoints, theirs.edges, theirs.pairs)
-    assert ours.tree is not None
-    assert theirs.tree is not None
-    assert ours.tree.size_m == theirs.tree.size_m
+    actual, second = parse_skeleton(text, "my_mouse.toml"), parse_skeleton(OWN_TOML, "my_mouse.toml")
+    assert (actual.keypoints, actual.edges, actual.pairs) == (second.keypoints, second.edges, second.pairs)
+    assert actual.tree is not None
+    assert second.tree is not None
+    assert actual.tree.size_m == second.tree.size_m
 
 
 @pytest.mark.parametrize("which", [0, 1], ids=["without a skeleton", "with one"])
@@ -71,6 +71,6 @@ def test_evaluation_accepts_a_gate(scene: CrowdScene, run, tmp_path: Path) -> No
 def test_truth_has_perfect_scores_at_any_size(scene: CrowdScene) -> None:
     from posefuse.evaluation.paired_results import people_points
 
-    found = posefuse.score_people(people_points(scene.truth, scene.truth))
-    assert found.clear[0].mota == 1.0
-    assert np.isclose(found.mpjpe_mm, 0.0)
+    actual = posefuse.score_people(people_points(scene.truth, scene.truth))
+    assert actual.clear[0].mota == 1.0
+    assert np.isclose(actual.mpjpe_mm, 0.0)

@@ -37,11 +37,11 @@ class TestBlender:
     def places(self, bpy, names: list[str], frames: range) -> np.ndarray:
         """Shape (frame, joint, 3): heads of bones in Blender's world."""
         (armature,) = (each for each in bpy.data.objects if each.type == "ARMATURE")
-        found = []
+        actual = []
         for frame in frames:
             bpy.context.scene.frame_set(frame)
-            found.append([tuple(armature.matrix_world @ armature.pose.bones[name].head) for name in names])
-        return np.array(found)
+            actual.append([tuple(armature.matrix_world @ armature.pose.bones[name].head) for name in names])
+        return np.array(actual)
 
     @pytest.mark.parametrize("name", ["body_20", "coco_wholebody_133", "mouse_22"])
     @pytest.mark.parametrize("form", ["bvh", "glb", "gltf"])
@@ -97,8 +97,8 @@ class TestOpenSim:
         names = opensim.marker_names(result.skeleton)
         x, y, z = result.layers["model"].points_m[5, 0, result.skeleton.index("left_knee")]
         column = list(table.getColumnLabels()).index(names["left_knee"])
-        found = table.getRowAtIndex(5)[column]
-        np.testing.assert_allclose([found[i] for i in range(3)], [y, z, x], atol=1e-6)
+        actual = table.getRowAtIndex(5)[column]
+        np.testing.assert_allclose([actual[i] for i in range(3)], [y, z, x], atol=1e-6)
         assert osim.MarkerSet(str(tmp_path / "o" / "markers.xml")).getSize() == 20
 
     def test_scaling_and_inverse_kinematics_run(self, osim, tmp_path, monkeypatch):

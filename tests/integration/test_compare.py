@@ -42,14 +42,14 @@ def test_compare_prints_a_table_and_writes_three_files(run, ugly_recording, tmp_
     monkeypatch.setenv("COLUMNS", "80")
     posefuse.write(ugly_scene.truth, tmp_path / "truth.nc")
     out = tmp_path / "out"
-    code, said, warned = run("compare", ugly_recording, "-o", out, "--truth", tmp_path / "truth.nc")
+    code, output, warned = run("compare", ugly_recording, "-o", out, "--truth", tmp_path / "truth.nc")
     assert (code, warned) == (0, "")
     assert files_in(out) == FILES
-    assert all(len(line) <= 80 for line in said.splitlines() if not line.startswith("to /"))
-    said = " ".join(said.split())
+    assert all(len(line) <= 80 for line in output.splitlines() if not line.startswith("to /"))
+    output = " ".join(output.split())
     for words in ("30 frames at 30 Hz, 4 cameras, 26 keypoints", "it favors methods that reject views",
                   "infinitely large", "CPU: triangulation only", "Against the truth", *METHODS):  # fmt: skip
-        assert words in said
+        assert words in output
     rows = rows_of(out)
     assert list(rows) == list(METHODS)
     for row in rows.values():
@@ -104,23 +104,23 @@ def test_jitter_needs_a_frame_rate(run, ugly_recording, tmp_path, ugly_scene):
     keypoints, confidence = (np.moveaxis(array, 1, 0) for array in ugly_scene.detections.dense())
     (ugly_recording / "keypoints.nc").unlink()
     np.savez(ugly_recording / "points.npz", keypoints=keypoints, confidence=confidence, names=ugly_scene.rig.names)
-    code, said, _ = run("compare", ugly_recording, "-o", tmp_path / "out", "--methods", "consensus,simple")
+    code, output, _ = run("compare", ugly_recording, "-o", tmp_path / "out", "--methods", "consensus,simple")
     assert code == 0
-    assert "jitter" not in said
+    assert "jitter" not in output
     assert "median_acceleration_m_per_s2" not in rows_of(tmp_path / "out")["simple"]
 
 
 def test_method_without_effect_gives_a_note(run, ugly_recording, tmp_path):
     cameras = ["--cameras", "cam_0", "cam_1", "cam_2"]
-    code, said, _ = run("compare", ugly_recording, "-o", tmp_path / "out", *cameras)
-    said = " ".join(said.split())
+    code, output, _ = run("compare", ugly_recording, "-o", tmp_path / "out", *cameras)
+    output = " ".join(output.split())
     assert code == 0
-    assert said.count("weighted_subsets drops no camera: min_views is 3 and the rig has 3 cameras") == 1
-    assert said.count("percentile_filter does not run: min_views is 3 and the rig has 3 cameras") == 1
-    code, said, _ = run(
+    assert output.count("weighted_subsets drops no camera: min_views is 3 and the rig has 3 cameras") == 1
+    assert output.count("percentile_filter does not run: min_views is 3 and the rig has 3 cameras") == 1
+    code, output, _ = run(
         "reconstruct", ugly_recording, "-o", tmp_path / "o", "--triangulation.method", "weighted_subsets", *cameras
     )
-    assert " ".join(said.split()).count("weighted_subsets drops no camera") == 1
+    assert " ".join(output.split()).count("weighted_subsets drops no camera") == 1
 
 
 class TestRefused:
@@ -130,10 +130,10 @@ class TestRefused:
     def refused(self, run, recording, tmp_path):
         def check(*arguments: object, words: list[str], code: int = 1) -> None:
             before = sorted(tmp_path.rglob("*"))
-            found, _, said = run("compare", recording, *arguments)
-            assert found == code
+            actual, _, output = run("compare", recording, *arguments)
+            assert actual == code
             for word in words:
-                assert word in said, said
+                assert word in output, output
             assert sorted(tmp_path.rglob("*")) == before
 
         return check
@@ -159,15 +159,15 @@ class TestRefused:
 class TestFilterFigure:
     def test_figure_is_written_only_for_the_percentile_filter(self, run, ugly_recording, tmp_path):
         out = tmp_path / "out"
-        code, said, _ = run("reconstruct", ugly_recording, "-o", out, "--triangulation.method", "percentile_filter")
+        code, output, _ = run("reconstruct", ugly_recording, "-o", out, "--triangulation.method", "percentile_filter")
         assert code == 0
-        assert FIGURE in said
+        assert FIGURE in output
         assert (out / FIGURE).read_bytes().startswith(b"\x89PNG")
         first = (out / FIGURE).read_bytes()
         run("reconstruct", ugly_recording, "-o", out, "--triangulation.method", "percentile_filter")
         assert (out / FIGURE).read_bytes() == first
-        code, said, _ = run("reconstruct", ugly_recording, "-o", out)
-        assert FIGURE not in said
+        code, output, _ = run("reconstruct", ugly_recording, "-o", out)
+        assert FIGURE not in output
         assert not (out / "debug").exists()
 
     def test_other_files_in_the_folder_are_kept(self, run, ugly_recording, tmp_path):
@@ -181,7 +181,7 @@ class TestFilterFigure:
 
     def test_no_figure_if_nothing_is_filtered(self, run, ugly_recording, tmp_path):
         few = ["--cameras", "cam_0", "cam_1", "cam_2", "--triangulation.method", "percentile_filter"]
-        code, said, _ = run("reconstruct", ugly_recording, "-o", tmp_path / "out", *few)
+        code, output, _ = run("reconstruct", ugly_recording, "-o", tmp_path / "out", *few)
         assert code == 0
-        assert "percentile_filter does not run" in said
+        assert "percentile_filter does not run" in output
         assert FIGURE not in files_in(tmp_path / "out")

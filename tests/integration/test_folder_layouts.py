@@ -28,24 +28,24 @@ LAYOUTS = {
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_folder_layout_is_recognized_and_views_match_cameras(layout, tmp_path, capsys):
     layout(tmp_path)
-    found = find_recording(tmp_path)
-    assert (found.calibrations[0].format, found.keypoints[0].format) == LAYOUTS[layout]
-    detections = read_detections(choose_keypoints(found))
-    rig, chosen, _ = match_views(read_cameras(choose_calibration(found)), detections, Options())
+    recording = find_recording(tmp_path)
+    assert (recording.calibrations[0].format, recording.keypoints[0].format) == LAYOUTS[layout]
+    detections = read_detections(choose_keypoints(recording))
+    rig, chosen, _ = match_views(read_cameras(choose_calibration(recording)), detections, Options())
     assert (len(rig), chosen.n_views) == (2, 2)
     main(["inspect", str(tmp_path)])
-    said = " ".join(capsys.readouterr().out.split())
-    assert f"recognized by: {found.keypoints[0].recognized_by}" in said
-    assert "2 views match 2 cameras; posefuse reconstruct can take this folder" in said
-    assert "cannot be read" not in said
+    output = " ".join(capsys.readouterr().out.split())
+    assert f"recognized by: {recording.keypoints[0].recognized_by}" in output
+    assert "2 views match 2 cameras; posefuse reconstruct can take this folder" in output
+    assert "cannot be read" not in output
 
 
 def test_freemocap_times_start_at_zero(tmp_path, capsys):
     freemocap(tmp_path)
     main(["inspect", str(tmp_path)])
-    said = " ".join(capsys.readouterr().out.split())
-    assert "times read as nanoseconds" in said
-    assert "rate 25 Hz" in said
-    assert "frames 0 to 5, 0.000 to 0.200 s" in said
-    assert "images and videos" in said
-    assert "spatialXYZ.npy: 3D results" in said
+    output = " ".join(capsys.readouterr().out.split())
+    assert "times read as nanoseconds" in output
+    assert "rate 25 Hz" in output
+    assert "frames 0 to 5, 0.000 to 0.200 s" in output
+    assert "images and videos" in output
+    assert "spatialXYZ.npy: 3D results" in output

@@ -51,10 +51,10 @@ def start(recording: Path, output: Path, chunk: int) -> subprocess.Popen[str]:
     )
 
 
-def stop_when(process: subprocess.Popen[str], there: Path, how: signal.Signals) -> str:
-    """Send a process a signal as soon as a file is there; what it said."""
+def signal_when_file_exists(process: subprocess.Popen[str], path: Path, how: signal.Signals) -> str:
+    """Send a signal to a process as soon as a file exists, and return its output."""
     until = time.monotonic() + 300.0
-    while not there.exists():
+    while not path.exists():
         assert process.poll() is None, process.communicate()[0]
         assert time.monotonic() < until
         time.sleep(0.005)
@@ -75,8 +75,8 @@ def two_people(tmp_path_factory) -> Path:
 def uninterrupted(two_people, tmp_path_factory) -> Path:
     output = tmp_path_factory.mktemp("long") / "uninterrupted"
     process = start(two_people, output, 20)
-    said = process.communicate(timeout=1800)[0]
-    assert process.returncode == 0, said
+    text = process.communicate(timeout=1800)[0]
+    assert process.returncode == 0, text
     return output
 
 
@@ -92,16 +92,16 @@ def test_interruption_leaves_a_partial_result_and_the_parts(run, recording, tmp_
     command = ("reconstruct", recording, "-o", tmp_path / "out", "--chunk-frames", 10)
     with monkeypatch.context() as patched:
         patched.setattr(CheckpointFolder, "save", interrupted)
-        code, said, wrong = run(*command)
+        code, output, wrong = run(*command)
     assert code == 130
-    assert "Partial: made of the first 20 of 30 frames" in " ".join(said.split())
+    assert "Partial: made of the first 20 of 30 frames" in " ".join(output.split())
     assert "Interrupted" in wrong
     part = posefuse.read_reconstruction(tmp_path / "out" / "reconstruction.nc")
     assert part.n_frames == 20
     assert "Partial: made of the first 20 of 30 frames" in (tmp_path / "out" / "report.html").read_text("utf-8")
-    code, said, wrong = run(*command)
+    code, output, wrong = run(*command)
     assert (code, wrong) == (0, "")
-    assert "Resuming from the finished parts" in " ".join(said.split())
+    assert "Resuming from the finished parts" in " ".join(output.split())
     whole = posefuse.read_reconstruction(tmp_path / "out" / "reconstruction.nc")
     assert whole.n_frames == 30
     assert whole.layers["measured"].frames(0, 20) == part.layers["measured"].frames(0, 20)
@@ -126,24 +126,24 @@ def test_interruption_while_files_are_written_resumes_from_the_reconstruction(ru
     with monkeypatch.context() as patched:
         # Nothing is followed or triangulated again.
         patched.setattr("posefuse.pipeline.reconstruct_recording.prepare", ended)
-        code, said, wrong = run(*command, tmp_path / "out")
+        code, output, wrong = run(*command, tmp_path / "out")
     assert (code, wrong) == (0, warned)
-    assert "Resuming from the finished parts" in " ".join(said.split())
+    assert "Resuming from the finished parts" in " ".join(output.split())
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
 
 
 @pytest.mark.long
 def test_killed_run_resumes_to_the_same_bytes(run, two_people, uninterrupted, tmp_path):
     output = tmp_path / "out"
-    stop_when(
+    signal_when_file_exists(
         start(two_people, output, 20), output / CHECKPOINT_FOLDER / "frames_60" / "measured_000001.part", signal.SIGKILL
     )
     finished = [path for path in (output / CHECKPOINT_FOLDER).rglob("*.part") if path.name != "tracking.part"]
     before = {path: path.stat().st_mtime_ns for path in finished}
     assert len(before) >= 3
-    code, said, _ = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
+    code, text, _ = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
     assert code == 0
-    assert "Resuming from the finished parts" in " ".join(said.split())
+    assert "Resuming from the finished parts" in " ".join(text.split())
     assert contents(output) == contents(uninterrupted)
 
 
@@ -153,10 +153,12 @@ def test_interrupted_run_leaves_a_result_marked_partial(run, tmp_path):
     # All frames may be followed before the signal comes: then there is nothing partial about what is made of them.
     for attempt in range(10):
         output = tmp_path / f"out_{attempt}"
-        said = stop_when(start(recording, output, 20), output / CHECKPOINT_FOLDER / "tracking.part", signal.SIGINT)
-        if "Partial" in said:
+        text = signal_when_file_exists(
+            start(recording, output, 20), output / CHECKPOINT_FOLDER / "tracking.part", signal.SIGINT
+        )
+        if "Partial" in text:
             break
-    assert "Partial: made of the first" in " ".join(said.split())
+    assert "Partial: made of the first" in " ".join(text.split())
     result = posefuse.read_reconstruction(output / "reconstruction.nc")
     assert 0 < result.n_frames < 300
     assert result.n_frames % 20 == 0
@@ -170,11 +172,11 @@ def test_interrupted_run_leaves_a_result_marked_partial(run, tmp_path):
 
 @pytest.mark.long
 def test_checkpoints_of_other_input_are_not_used(run, uninterrupted, two_people, tmp_path):
-    other, output = write(tmp_path / "recording", 2.4, seed=1), tmp_path / "out"
-    stop_when(start(other, output, 20), output / CHECKPOINT_FOLDER / "tracking.part", signal.SIGKILL)
-    code, said, _ = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
+    path, output = write(tmp_path / "recording", 2.4, seed=1), tmp_path / "out"
+    signal_when_file_exists(start(path, output, 20), output / CHECKPOINT_FOLDER / "tracking.part", signal.SIGKILL)
+    code, text, _ = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
     assert code == 0
-    assert "held 1 part of other input, options or versions; they are not used" in " ".join(said.split())
+    assert "held 1 part of other input, options or versions; they are not used" in " ".join(text.split())
     assert contents(output) == contents(uninterrupted)
 
 
@@ -244,7 +246,7 @@ def test_compiled_and_cached_kernels_give_the_same_bytes(tmp_path, monkeypatch):
     written = []
     for name in ("compiling", "loading"):
         process = start(recording, tmp_path / name, chunk=40)
-        said = process.communicate()[0]
-        assert process.returncode == 0, said
+        output = process.communicate()[0]
+        assert process.returncode == 0, output
         written.append(contents(tmp_path / name))
     assert written[0] == written[1]

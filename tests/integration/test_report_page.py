@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from posefuse.report.html import render_report
-from tests.people import crowd, followed
+from tests.people import simulate_walkers, track_perfectly
 
 BROWSER = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
@@ -31,7 +31,7 @@ def browser():
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
     """Report of two people with names that contain HTML."""
-    result = followed(crowd(people=2, seconds=4.0))
+    result = track_perfectly(simulate_walkers(people=2, seconds=4.0))
     first, *others = result.rig.cameras
     rig = replace(result.rig, cameras=(replace(first, name=HOSTILE), *others))
     path = tmp_path_factory.mktemp("report") / "report.html"
@@ -59,11 +59,11 @@ def page(opened):
     page.select_option("#view", "-1")
     page.locator("#canvas").focus()
     page.keyboard.press("Home")
-    drawn(page)
+    canvas_hash(page)
     return page
 
 
-def drawn(page) -> int:
+def canvas_hash(page) -> int:
     """Return a hash of the canvas after the next frame is drawn."""
     text = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(canvas.toDataURL()))))"
     return hash(page.evaluate(text))
@@ -75,25 +75,25 @@ def frame_of(page) -> int:
 
 def test_page_loads_without_errors_and_runs_no_injected_script(opened):
     page, problems = opened
-    drawn(page)
+    canvas_hash(page)
     assert problems == []
     assert page.evaluate("window.ran") is None
     assert page.locator("#heat thead th").nth(1).inner_text() == HOSTILE
 
 
 def test_scrubbing_changes_the_frame(page):
-    before = drawn(page)
+    before = canvas_hash(page)
     page.evaluate("scrub.value = 30; scrub.dispatchEvent(new Event('input'))")
     assert frame_of(page) == 30
-    assert drawn(page) != before
+    assert canvas_hash(page) != before
 
 
 def test_space_bar_plays_and_pauses(page):
-    before = drawn(page)
+    before = canvas_hash(page)
     page.keyboard.press("Space")
     page.wait_for_function("Number(document.getElementById('scene').dataset.frame) >= 2", timeout=10_000)
     page.keyboard.press("Space")
-    assert drawn(page) != before
+    assert canvas_hash(page) != before
     at = frame_of(page)
     page.wait_for_timeout(200)
     assert frame_of(page) == at
@@ -104,10 +104,10 @@ def test_keys_step_rotate_and_select_cameras(page):
     assert frame_of(page) == 1
     page.keyboard.press("Shift+ArrowRight")
     assert frame_of(page) == 26
-    images = [drawn(page)]
+    images = [canvas_hash(page)]
     for key in ("d", "u", "b", "c"):
         page.keyboard.press(key)
-        images.append(drawn(page))
+        images.append(canvas_hash(page))
     assert len(set(images)) == len(images)
     assert page.locator("#view").input_value() == "0"
     page.keyboard.press("u")
@@ -130,12 +130,12 @@ def test_cell_jumps_to_its_worst_frame_and_escape_returns(page, quantity):
 
 
 def test_camera_view_matches_the_projection(page, file):
-    result = followed(crowd(people=2, seconds=4.0))
+    result = track_perfectly(simulate_walkers(people=2, seconds=4.0))
     camera = result.rig.cameras[1]
     points = np.asarray(result.layers["model"].points_m)[10, 0]
     page.select_option("#view", "1")
     page.evaluate("scrub.value = 10; scrub.dispatchEvent(new Event('input'))")
-    drawn(page)
+    canvas_hash(page)
     k = 4
     x, y = camera.project(points[k])[0]
     box = page.locator("#canvas").bounding_box()
@@ -145,10 +145,10 @@ def test_camera_view_matches_the_projection(page, file):
     page.mouse.move(at_x, at_y)
     tip = page.locator("#tooltip").inner_text()
     shown = [float(text) for text in re.findall(r"-?\d+\.\d+", tip)]
-    found = np.abs(points - np.array(shown)).max(axis=-1)
+    actual = np.abs(points - np.array(shown)).max(axis=-1)
     assert "person_1" in tip
-    pixels = camera.project(points[int(np.argmin(found))])[0]
-    assert found.min() < 2e-3
+    pixels = camera.project(points[int(np.argmin(actual))])[0]
+    assert actual.min() < 2e-3
     assert scale * np.linalg.norm(pixels - (x, y)) < 1.0
 
 
@@ -162,11 +162,11 @@ def test_print_style_shows_tables_and_hides_controls(page):
 
 
 def test_narrow_dark_screen_needs_no_horizontal_scrolling(page):
-    light = drawn(page)
+    light = canvas_hash(page)
     page.emulate_media(color_scheme="dark")
     page.set_viewport_size({"width": 390, "height": 800})
     page.wait_for_function("document.documentElement.scrollWidth <= 390", timeout=10_000)
-    assert drawn(page) != light
+    assert canvas_hash(page) != light
     page.set_viewport_size({"width": 1280, "height": 900})
     page.emulate_media(color_scheme="light")
 
@@ -178,9 +178,9 @@ def test_chart_clicks_show_frames(page):
 
 def test_view_follows_a_person(page):
     page.evaluate("scrub.value = 20; scrub.dispatchEvent(new Event('input'))")
-    before = drawn(page)
+    before = canvas_hash(page)
     page.locator("#canvas").focus()
     page.keyboard.press("f")
     assert page.locator("#follow").input_value() == "0"
-    assert drawn(page) != before
+    assert canvas_hash(page) != before
     page.select_option("#follow", "-1")

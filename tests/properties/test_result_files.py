@@ -105,22 +105,22 @@ def expected(result: Reconstruction, kind: str) -> list[StoredPoints]:
     return [stored_points(result, "measured", people) for people in whole]
 
 
-def check(found: StoredPoints, given: StoredPoints, kind: str, rtol: float = 0.0) -> None:
+def check(actual: StoredPoints, original: StoredPoints, kind: str, rtol: float = 0.0) -> None:
     """Check that the fields of the format are equal and all others absent."""
-    places = np.arange(given.n_frames)
+    places = np.arange(original.n_frames)
     if kind in ROWS_WITHOUT_GAPS:
-        places = given.frame_numbers - given.frame_numbers[0]
-        between = np.setdiff1d(np.arange(found.n_frames), places)
-        assert np.isnan(found.points_m[between]).all()
-        np.testing.assert_array_equal(np.diff(found.frame_numbers), 1)
+        places = original.frame_numbers - original.frame_numbers[0]
+        between = np.setdiff1d(np.arange(actual.n_frames), places)
+        assert np.isnan(actual.points_m[between]).all()
+        np.testing.assert_array_equal(np.diff(actual.frame_numbers), 1)
     for name in sorted(EVERYTHING):
-        a, b = getattr(found, name), getattr(given, name)
+        a, b = getattr(actual, name), getattr(original, name)
         if name not in CARRIES[kind]:
-            there = np.isfinite(a).any() if name == "time_s" else a not in (None, "") and name not in NEEDED
-            assert not there, name
+            present = np.isfinite(a).any() if name == "time_s" else a not in (None, "") and name not in NEEDED
+            assert not present, name
         elif isinstance(b, np.ndarray):
             if name == "n_views" and kind == "anipose":
-                b = np.where(np.isnan(given.points_m).any(axis=-1), 0, b)
+                b = np.where(np.isnan(original.points_m).any(axis=-1), 0, b)
             np.testing.assert_allclose(a[places], b, rtol=rtol, err_msg=name)
         elif name == "person_ids" and kind == "dlc" and len(b) == 1:
             assert a == ("p",)
@@ -135,16 +135,16 @@ def test_written_results_are_read_back(kind, arguments):
     result = some_result(**arguments)
     # Conversion to millimeters and back may change the last digit.
     rtol = 1e-15 if kind in ("npz", "freemocap") else 0.0
-    for found, given_ in zip(written_and_read(result, kind), expected(result, kind), strict=True):
-        check(found, given_, kind, rtol)
+    for actual, given_ in zip(written_and_read(result, kind), expected(result, kind), strict=True):
+        check(actual, given_, kind, rtol)
 
 
 @given(arguments=results(most_frames=3))
 @examples(3)
 def test_nwb_is_read_back(arguments):
     result = some_result(**arguments)
-    for found, given_ in zip(written_and_read(result, "nwb"), expected(result, "nwb"), strict=True):
-        check(found, given_, "nwb")
+    for actual, given_ in zip(written_and_read(result, "nwb"), expected(result, "nwb"), strict=True):
+        check(actual, given_, "nwb")
 
 
 @given(people=st.lists(anybody, min_size=1, max_size=6, unique=True))

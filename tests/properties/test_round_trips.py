@@ -159,9 +159,14 @@ def test_calibrations_keep_every_camera(form, seed, names, lens, up, said):
             return
         write_as(written, rig, path)
         assert find_format(path).name == form
-        found = posefuse.read_cameras(path)
-    assert (found.names, found.notes, found.left_out, found.up_axis) == (rig.names, rig.notes, rig.left_out, up)
-    for a, b in zip(found.cameras, rig.cameras, strict=True):
+        read_rig = posefuse.read_cameras(path)
+    assert (read_rig.names, read_rig.notes, read_rig.left_out, read_rig.up_axis) == (
+        rig.names,
+        rig.notes,
+        rig.left_out,
+        up,
+    )
+    for a, b in zip(read_rig.cameras, rig.cameras, strict=True):
         np.testing.assert_array_equal(a.matrix, b.matrix)
         assert (a.lens, a.size_px) == (b.lens if b.lens is not LensModel.PINHOLE else a.lens, b.size_px)
         assert a.distortion == b.distortion or not any((*a.distortion, *b.distortion))
@@ -181,15 +186,15 @@ def test_trc_keeps_micrometers(seed, frames, up):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "someone.trc"
         posefuse.write(result, path)
-        found, stored = trc.read(path), posefuse.read_points(path)
+        actual, stored = trc.read(path), posefuse.read_points(path)
     assert (stored.person_ids, stored.keypoints, stored.unit) == (("someone",), result.skeleton.keypoints, "m")
-    np.testing.assert_array_equal(stored.points_m[:, 0], found.points_m)
-    np.testing.assert_array_equal(stored.time_s, found.time_s)
+    np.testing.assert_array_equal(stored.points_m[:, 0], actual.points_m)
+    np.testing.assert_array_equal(stored.time_s, actual.time_s)
     places = result.frame_numbers - result.frame_numbers[0]
-    np.testing.assert_allclose(found.points_m[places] @ y_up_from_world(up), points[:, 0], atol=6e-7)
-    between = np.setdiff1d(np.arange(len(found.points_m)), places)
-    assert np.isnan(found.points_m[between]).all()
-    assert found.rate_hz == pytest.approx(result.rate_hz, rel=1e-9)
+    np.testing.assert_allclose(actual.points_m[places] @ y_up_from_world(up), points[:, 0], atol=6e-7)
+    between = np.setdiff1d(np.arange(len(actual.points_m)), places)
+    assert np.isnan(actual.points_m[between]).all()
+    assert actual.rate_hz == pytest.approx(result.rate_hz, rel=1e-9)
 
 
 def residuals_everywhere(content: ezc3d.c3d) -> np.ndarray:
@@ -216,15 +221,15 @@ def test_c3d_keeps_its_documented_contents(seed, frames, views):
         content = ezc3d.c3d(str(path))
         stored, other = posefuse.read_points(path), c3d_reading.read(path)
     places = result.frame_numbers - result.frame_numbers[0]
-    found = content["data"]["points"][:3].transpose(2, 1, 0)[places]
-    np.testing.assert_allclose(found, 1000.0 * points[:, 0], rtol=1e-6)
+    actual = content["data"]["points"][:3].transpose(2, 1, 0)[places]
+    np.testing.assert_allclose(actual, 1000.0 * points[:, 0], rtol=1e-6)
     given_sd = 1000.0 * np.sqrt((layer.sd_m[:, 0] ** 2).mean(axis=-1))
     missing, filled = np.isnan(points[:, 0, :, 0]), np.asarray(layer.source)[:, 0] == Source.FILLED
     np.testing.assert_array_equal(residuals_everywhere(content) == -1.0, other.residual == -1.0)
     np.testing.assert_array_equal(other.residual[places] == -1.0, missing)
-    told = ~(missing | filled | np.isnan(given_sd))
-    np.testing.assert_allclose(other.residual[places][told], np.clip(given_sd[told], 0.1, 25.5), atol=0.0501)
-    assert (other.residual[places][~told & ~missing] == 0.0).all()
+    results = ~(missing | filled | np.isnan(given_sd))
+    np.testing.assert_allclose(other.residual[places][results], np.clip(given_sd[results], 0.1, 25.5), atol=0.0501)
+    assert (other.residual[places][~results & ~missing] == 0.0).all()
     used = is_used(np.asarray(layer.view_status)[:, 0]) & ~(missing | filled)[..., None]
     bits = np.zeros((frames, 4, 7), dtype=bool)
     bits[..., :views] = used if views <= 7 else False
@@ -262,14 +267,16 @@ def test_overlays_are_read_as_detections(seed, frames, people, skeleton):
     )  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
         posefuse.write(result, Path(folder) / "overlay", "openpose")
-        found = posefuse.read_detections(Path(folder) / "overlay", skeleton)
-    np.testing.assert_array_equal(np.intersect1d(found.frame_numbers, result.frame_numbers), result.frame_numbers)
+        detections = posefuse.read_detections(Path(folder) / "overlay", skeleton)
+    np.testing.assert_array_equal(np.intersect1d(detections.frame_numbers, result.frame_numbers), result.frame_numbers)
     for f, number in enumerate(result.frame_numbers.tolist()):
         for v, camera in enumerate(rig.cameras):
-            row = int(np.flatnonzero(found.frame_numbers == number)[0]) * len(rig) + v
-            start, stop = found.offsets[row : row + 2]
+            row = int(np.flatnonzero(detections.frame_numbers == number)[0]) * len(rig) + v
+            start, stop = detections.offsets[row : row + 2]
             pixels, _ = camera.project(points[f])
             inside = ((pixels >= -0.5) & (pixels <= np.array(camera.size_px) - 0.5)).all(axis=-1)
-            seen = np.where(inside[..., None], pixels, np.nan)[inside.any(axis=-1)]
-            np.testing.assert_allclose(np.asarray(found.keypoints_px)[start:stop], seen, atol=6e-4)
-            np.testing.assert_array_equal(np.asarray(found.track_ids)[start:stop], np.flatnonzero(inside.any(axis=-1)))
+            visible = np.where(inside[..., None], pixels, np.nan)[inside.any(axis=-1)]
+            np.testing.assert_allclose(np.asarray(detections.keypoints_px)[start:stop], visible, atol=6e-4)
+            np.testing.assert_array_equal(
+                np.asarray(detections.track_ids)[start:stop], np.flatnonzero(inside.any(axis=-1))
+            )

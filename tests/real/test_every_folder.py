@@ -31,10 +31,10 @@ INSPECTED = {
 @pytest.mark.parametrize("name", INSPECTED)
 def test_inspect_recognizes_the_format(name, shared_data, capsys):
     main(["inspect", str(shared_data(name))])
-    said = " ".join(capsys.readouterr().out.split())
+    output = " ".join(capsys.readouterr().out.split())
     for words in INSPECTED[name]:
-        assert words in said
-    unread = said.count("cannot be read")
+        assert words in output
+    unread = output.count("cannot be read")
     # Two sets of lenses of Wildtrack's cameras are there, and are not chosen between.
     assert unread == (name == "calibration_formats")
 
@@ -46,17 +46,17 @@ def points_m(rig: CameraRig, pixels: np.ndarray) -> np.ndarray:
         rig: the cameras.
         pixels: shape (point, view, 2), NaN where not seen.
     """
-    seen = np.isfinite(pixels).all(axis=-1)
+    visible = np.isfinite(pixels).all(axis=-1)
     rows = []
     for v, camera in enumerate(rig.cameras):
-        rays = camera.rays(np.where(seen[:, v, None], pixels[:, v], 0.0))[0]
+        rays = camera.rays(np.where(visible[:, v, None], pixels[:, v], 0.0))[0]
         plane = rays[:, :2] / rays[:, 2:]
         pose = camera.camera_from_world[:3]
-        rows.append(np.where(seen[:, v, None, None], plane[:, :, None] * pose[2] - pose[:2], 0.0))
-    enough = seen.sum(axis=1) >= 2
-    found = np.linalg.svd(np.concatenate(rows, axis=1)[enough])[2][:, -1]
+        rows.append(np.where(visible[:, v, None, None], plane[:, :, None] * pose[2] - pose[:2], 0.0))
+    enough = visible.sum(axis=1) >= 2
+    actual = np.linalg.svd(np.concatenate(rows, axis=1)[enough])[2][:, -1]
     points = np.full((len(pixels), 3), np.nan)
-    points[enough] = found[:, :3] / found[:, 3:]
+    points[enough] = actual[:, :3] / actual[:, 3:]
     return points
 
 
@@ -77,10 +77,10 @@ def medians_px(calibration, keypoints, **options) -> np.ndarray:
     return np.nanmedian(errors_px(*read(calibration, keypoints, **options)), axis=0)
 
 
-def within_a_tenth(found: np.ndarray, least: float, most: float) -> None:
+def within_a_tenth(actual: np.ndarray, least: float, most: float) -> None:
     """Of a range that the notes give over cameras."""
-    assert np.min(found) == pytest.approx(least, rel=0.1) or least <= np.min(found) <= most
-    assert np.max(found) == pytest.approx(most, rel=0.1) or least <= np.max(found) <= most
+    assert np.min(actual) == pytest.approx(least, rel=0.1) or least <= np.min(actual) <= most
+    assert np.max(actual) == pytest.approx(most, rel=0.1) or least <= np.max(actual) <= most
 
 
 @pytest.mark.parametrize("calibration", ["Calib.qca.txt", "Calib_qualisys.toml"])

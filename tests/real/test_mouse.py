@@ -41,9 +41,9 @@ def test_hand_labeled_mouse_joints_are_within_limits(shared_data):
         for limit in tree.limits:
             axis = turns[limit.segment] @ np.array(limit.axis)
             if limit.kind == TWIST:
-                there = axis @ turns[limit.bone] @ np.array(limit.axis)
+                other = axis @ turns[limit.bone] @ np.array(limit.axis)
             elif limit.kind == CONE:
-                there = axis @ bones[limit.bone][:, 2]
+                other = axis @ bones[limit.bone][:, 2]
             else:
-                there = axis @ np.cross(bones[limit.before][:, 2], bones[limit.bone][:, 2])
-            assert there > limit.least
+                other = axis @ np.cross(bones[limit.before][:, 2], bones[limit.bone][:, 2])
+            assert other > limit.least

@@ -68,11 +68,11 @@ def test_other_programs_read_rate_units_and_axes_of_exports(shared_data, trial, 
     # y is up in a TRC: the head is on top, the heels are at the bottom.
     assert heights[names.index("head_top")] == pytest.approx(heights.max())
     assert heights[names.index("head_top")] - heights[names.index("left_heel")] == pytest.approx(1.6, abs=0.2)
-    found = ezc3d.c3d(str(tmp_path / "out" / "person_1.c3d"))
-    point = found["parameters"]["POINT"]
+    actual = ezc3d.c3d(str(tmp_path / "out" / "person_1.c3d"))
+    point = actual["parameters"]["POINT"]
     assert (point["RATE"]["value"][0], point["UNITS"]["value"]) == (60.0, ["mm"])
     assert point["Y_SCREEN"]["value"] == ["+Z"]
-    z = np.nanmedian(found["data"]["points"][2], axis=1)
+    z = np.nanmedian(actual["data"]["points"][2], axis=1)
     np.testing.assert_allclose(z, 1000 * heights, atol=0.5)
 
 
@@ -82,8 +82,8 @@ def test_largest_person_is_the_subject(shared_data, trial):
     everyone = posefuse.read_detections(trial / "pose")
     alone = posefuse.read_detections(trial / "pose-associated")
     picked = posefuse.reconstruct(rig, everyone, posefuse.Options(pick="largest")).layers["measured"]
-    known = posefuse.reconstruct(rig, alone).layers["measured"]
-    distance = np.linalg.norm(picked.points_m - known.points_m, axis=-1)
+    result = posefuse.reconstruct(rig, alone).layers["measured"]
+    distance = np.linalg.norm(picked.points_m - result.points_m, axis=-1)
     assert np.nanmedian(distance) < 0.02
 
 

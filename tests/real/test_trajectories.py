@@ -16,8 +16,8 @@ def test_trajectory_predicts_a_held_out_camera_and_reduces_bone_variation(record
     folder = shared_data(recording).parent
     rig, detections = held_out.RECORDINGS[recording](folder)
     figures = held_out.compare(rig, detections.frames(0, frames))
-    ours, each = figures["trajectory"], figures["consensus"]
-    assert ours.median_px <= most * each.median_px
-    assert ours.p90_px <= 1.05 * each.p90_px
-    assert ours.predicted > 0.8
-    assert ours.bones < 0.5 * each.bones
+    actual, each = figures["trajectory"], figures["consensus"]
+    assert actual.median_px <= most * each.median_px
+    assert actual.p90_px <= 1.05 * each.p90_px
+    assert actual.predicted > 0.8
+    assert actual.bones < 0.5 * each.bones

@@ -1,4 +1,4 @@
-"""Real people followed: two and a passer-by in four cameras, and recorded motion through the simulated detector."""
+"""Real people tracked: two and a passer-by in four cameras, and recorded motion through the simulated detector."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ from posefuse.synthetic.crowds import crowd_of_points
 def follow():
     cache: dict[str, Reconstruction] = {}
 
-    def followed(shared_data) -> Reconstruction:
+    def tracked(shared_data) -> Reconstruction:
         if not cache:
             folder = shared_data("pose2sim")
             rig = posefuse.read_cameras(folder / "calibration" / "Calib.qca.txt")
@@ -31,7 +31,7 @@ def follow():
             cache["result"] = posefuse.reconstruct(rig, detections, options)
         return cache["result"]
 
-    return followed
+    return tracked
 
 
 def score(shared_data, result: Reconstruction, layer) -> PeopleScores:
@@ -57,12 +57,12 @@ def test_two_people_and_a_passer_by_are_tracked(follow, shared_data):
 
 @pytest.mark.parametrize("layer", ["measured", "solved", "model"])
 def test_both_people_agree_with_the_reference(follow, shared_data, layer):
-    found = score(shared_data, follow(shared_data), layer)
-    assert found.clear[0].switches == 0
-    assert found.clear[0].recall > 0.9
-    assert found.median_mm <= 40
-    assert max(person.mpjpe_mm for person in found.people) <= 40
-    assert [ghost.ever_matched for ghost in found.ghosts] == [False]
+    actual = score(shared_data, follow(shared_data), layer)
+    assert actual.clear[0].switches == 0
+    assert actual.clear[0].recall > 0.9
+    assert actual.median_mm <= 40
+    assert max(person.mpjpe_mm for person in actual.people) <= 40
+    assert [ghost.ever_matched for ghost in actual.ghosts] == [False]
 
 
 def test_trajectories_of_both_people_are_solved(follow, shared_data):
@@ -80,11 +80,11 @@ def test_trajectories_of_both_people_are_solved(follow, shared_data):
         assert varies[1] < max(0.5 * varies[0], 0.003)
         assert bends_m[1] < 0.7 * bends_m[0]
     source = np.asarray(result.layers["solved"].source)
-    there = np.asarray(result.layers["solved"].has_point)
-    assert set(np.unique(source[there])) <= {Source.TRAJECTORY, Source.FILLED}
-    assert not there[state == TrackState.ABSENT].any()
-    seen = np.isfinite(measured[..., 0])
-    assert np.isfinite(solved[..., 0])[seen].mean() > 0.99
+    present = np.asarray(result.layers["solved"].has_point)
+    assert set(np.unique(source[present])) <= {Source.TRAJECTORY, Source.FILLED}
+    assert not present[state == TrackState.ABSENT].any()
+    visible = np.isfinite(measured[..., 0])
+    assert np.isfinite(solved[..., 0])[visible].mean() > 0.99
 
 
 def test_recorded_motion_of_one_person(shared_data):
@@ -95,8 +95,8 @@ def test_recorded_motion_of_one_person(shared_data):
     motion = panoptic.one_person(shared_data("panoptic_motion").parent)
     made = crowd_of_points(motion.points_m[:600], motion.rig, motion.skeleton, motion.rate_hz)
     result = posefuse.reconstruct(made.rig, made.detections, posefuse.Options(people="many"))
-    found = score_people(people_points(result, made.truth))
-    assert found.clear[0].switches == 0
-    assert found.recall_after_entry > 0.995
-    assert max((ghost.longest for ghost in found.ghosts), default=0) <= 10
-    assert found.median_mm < 25
+    actual = score_people(people_points(result, made.truth))
+    assert actual.clear[0].switches == 0
+    assert actual.recall_after_entry > 0.995
+    assert max((ghost.longest for ghost in actual.ghosts), default=0) <= 10
+    assert actual.median_mm < 25

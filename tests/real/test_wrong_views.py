@@ -11,9 +11,9 @@ from posefuse.model.status import ViewStatus
 
 def test_faulty_fly_camera_is_rejected_and_identified(shared_data):
     rig, detections = real.deepfly_7cam(shared_data("deepfly_7cam").parent)
-    with pytest.warns(PosefuseWarning, match="'camera_3'") as said:
+    with pytest.warns(PosefuseWarning, match="'camera_3'") as messages:
         result = posefuse.reconstruct(rig, detections)
-    assert len(said) == 1
+    assert len(messages) == 1
     shares = real.rejected_shares(result)
     assert shares.pop("camera_3") > 0.5
     assert max(shares.values()) < 0.2
@@ -28,9 +28,9 @@ def test_faulty_fly_camera_is_rejected_and_identified(shared_data):
 
 def test_camera_with_a_swapped_calibration_is_identified(shared_data):
     folder = shared_data("sleap_mouse").parent
-    with pytest.warns(PosefuseWarning) as said:
+    with pytest.warns(PosefuseWarning) as messages:
         result = posefuse.reconstruct(*real.sleap_mouse(folder, "calibration.toml"))
-    assert any("camera 'side'" in str(warning.message) for warning in said)
+    assert any("camera 'side'" in str(warning.message) for warning in messages)
     assert real.rejected_shares(result)["side"] > 0.95
 
 

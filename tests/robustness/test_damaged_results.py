@@ -29,8 +29,8 @@ def result():
 
 def everything(path) -> None:
     """What the file holds, all of it."""
-    found = posefuse.read_reconstruction(path)
-    for _ in found.chunks(4):
+    actual = posefuse.read_reconstruction(path)
+    for _ in actual.chunks(4):
         pass
 
 

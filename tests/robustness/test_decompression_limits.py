@@ -152,7 +152,7 @@ def test_parquet_with_one_long_string_in_every_row_is_refused(own, tmp_path, mon
     path, rows = tmp_path / "tidy.parquet", 2 * 10**4
     if own:
         tidy.write(example_detections(), path)
-        told = pq.read_schema(path).metadata
+        results = pq.read_schema(path).metadata
     places = pa.array(np.zeros(rows, np.int32))
 
     def texts(text: str) -> pa.Array:
@@ -161,7 +161,7 @@ def test_parquet_with_one_long_string_in_every_row_is_refused(own, tmp_path, mon
     numbers = {name: pa.array(np.zeros(rows)) for name in ("frame", "x_px", "y_px", "confidence", "time_s", "track")}
     for length, fine in ((3, True), (20_000, False)):
         table = pa.table({"camera": texts("a" * length), "keypoint": texts("nose"), **numbers})
-        pq.write_table(table.replace_schema_metadata(told if own else None), path)
+        pq.write_table(table.replace_schema_metadata(results if own else None), path)
         check = check_row_groups if own else check_parquet
         if fine:
             check(path)

@@ -28,7 +28,7 @@ from posefuse.report.batch import batch_page
 from posefuse.report.html import render_report
 from posefuse.skeleton.skeletons import Skeleton
 from tests.figures import posed
-from tests.people import crowd, followed
+from tests.people import simulate_walkers, track_perfectly
 from tests.properties import examples
 
 PATHS = (
@@ -57,8 +57,8 @@ def renamed(result: Reconstruction, people: list[str], cameras: list[str]) -> Re
 
 def distinct(names: list[str], number: int) -> list[str]:
     """So many different names."""
-    found = list(dict.fromkeys(names))[:number]
-    return [*found, *(f"other {i}" for i in range(number - len(found)))]
+    actual = list(dict.fromkeys(names))[:number]
+    return [*actual, *(f"other {i}" for i in range(number - len(actual)))]
 
 
 def all_in(folder: Path) -> None:
@@ -86,7 +86,7 @@ def test_result_writers_stay_in_their_folder(form, tmp_path):
 
 
 def test_default_outputs_stay_in_their_folder(tmp_path):
-    result = followed(crowd(people=4, seconds=0.4))
+    result = track_perfectly(simulate_walkers(people=4, seconds=0.4))
     for i in (0, 8, 16):
         folder = tmp_path / f"above_{i}" / "result"
         folder.mkdir(parents=True)
@@ -98,7 +98,7 @@ def test_default_outputs_stay_in_their_folder(tmp_path):
 @pytest.mark.parametrize("writer", [detection_tables, native, openpose, replay, tidy])
 @pytest.mark.parametrize("name", PATHS)
 def test_keypoint_writers_stay_in_their_folder(writer, name, tmp_path):
-    scene = crowd(people=1, seconds=0.1).detections.views(["cam_0"])
+    scene = simulate_walkers(people=1, seconds=0.1).detections.views(["cam_0"])
     hostile = object.__new__(Detections)
     for field in scene.__dataclass_fields__:
         object.__setattr__(hostile, field, (name,) if field == "view_names" else getattr(scene, field))
@@ -121,9 +121,9 @@ def test_invalid_file_names_are_refused(name):
 @given(st.lists(st.text(min_size=0, max_size=300), min_size=1, max_size=6))
 @examples(60)
 def test_safe_names_are_valid_file_names(names):
-    found = safe_names(names)
-    assert len({name.casefold() for name in found}) == len(names)
-    assert [checked_file_name(name) for name in found] == list(found)
+    actual = safe_names(names)
+    assert len({name.casefold() for name in actual}) == len(names)
+    assert [checked_file_name(name) for name in actual] == list(actual)
 
 
 class Shape(HTMLParser):
@@ -152,17 +152,17 @@ class Shape(HTMLParser):
 
 @cache
 def report_of() -> Reconstruction:
-    result = replace(followed(crowd(people=2, seconds=0.6)), swaps=None, poses=None)
+    result = replace(track_perfectly(simulate_walkers(people=2, seconds=0.6)), swaps=None, poses=None)
     return replace(result, provenance=Provenance({"posefuse": "1"}, {"a": "0" * 64}, ("Health: a finding.", "a note")))
 
 
 @given(st.lists(evil, min_size=8, max_size=8, unique=True))
 @examples(4)
 def test_names_do_not_change_the_structure_of_a_report(names):
-    told = report_of()
+    results = report_of()
 
     def page(words: list[str]) -> Shape:
-        result = renamed(told, words[:2], distinct(words[2:4], len(told.rig)))
+        result = renamed(results, words[:2], distinct(words[2:4], len(results.rig)))
         names = (*words[5:7], *result.skeleton.keypoints[2:])
         skeleton = Skeleton(words[4], names, ((names[0], names[1]),), description=words[7])
         notes = ("Health: " + words[7], words[7])

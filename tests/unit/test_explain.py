@@ -13,7 +13,7 @@ from posefuse.model.status import ViewStatus
 from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
 from posefuse.synthetic.crowds import Kind
-from tests.people import crowd, followed
+from tests.people import simulate_walkers, track_perfectly
 
 AWAY = 20
 """A frame in which the last person is away."""
@@ -21,31 +21,31 @@ AWAY = 20
 
 @pytest.fixture(scope="module")
 def scene():
-    return crowd(seconds=2.0)
+    return simulate_walkers(seconds=2.0)
 
 
 @pytest.fixture(scope="module")
 def result(scene) -> Reconstruction:
-    return replace(followed(scene), swaps=None)
+    return replace(track_perfectly(scene), swaps=None)
 
 
 def test_every_detection_is_listed_once_with_its_track(scene, result):
     for number in (5, AWAY, 49):
-        told = explain(result, number, scene.detections)
+        explanation = explain(result, number, scene.detections)
         cells = scene.detections.offsets[number * 5 : number * 5 + 6]
-        for v, view in enumerate(told.views):
+        for v, view in enumerate(explanation.views):
             assert [each.number for each in view.detections] == list(range(cells[v + 1] - cells[v]))
             for each in view.detections:
                 p = -1 if each.person is None else result.person_ids.index(each.person)
                 assert p == -1 or result.tracks.detection[number, p, v] == each.number
                 assert (p == -1) == (each.number not in result.tracks.detection[number, :, v])
-                seen = np.isfinite(scene.detections.keypoints_px[cells[v] + each.number, :, 0]).sum()
-                assert each.n_keypoints == seen
+                visible = np.isfinite(scene.detections.keypoints_px[cells[v] + each.number, :, 0]).sum()
+                assert each.n_keypoints == visible
 
 
 def test_errors_are_distances_to_the_projected_person(scene, result):
-    told = explain(result, 10, scene.detections)
-    one = next(each for each in told.views[2].detections if each.person == "person_1")
+    explanation = explain(result, 10, scene.detections)
+    one = next(each for each in explanation.views[2].detections if each.person == "person_1")
     points = result.layers["model"].points_m[10, 0]
     row = scene.detections.offsets[10 * 5 + 2] + one.number
     off = np.linalg.norm(result.rig.cameras[2].project(points)[0] - scene.detections.keypoints_px[row], axis=-1)
@@ -61,8 +61,8 @@ def test_unassigned_detections_have_the_right_reason(scene, result):
                 row = scene.detections.offsets[number * 5 + v] + each.number
                 # Somebody whom the result does not have is nobody to it.
                 owner = scene.owner[row]
-                known = owner < 0 or np.isfinite(np.asarray(result.layers["model"].points_m)[number, owner]).any()
-                if each.person is None and known:
+                reference = owner < 0 or np.isfinite(np.asarray(result.layers["model"].points_m)[number, owner]).any()
+                if each.person is None and reference:
                     reasons.setdefault(Kind(scene.kind[row]), []).append(each.why)
     assert all("no person here" in why or "is tracked" in why for why in reasons[Kind.FALSE])
     assert reasons[Kind.DUPLICATE]
@@ -82,30 +82,30 @@ def test_missed_detection_is_reported_with_its_position(scene, result):
 
 
 def test_without_keypoints_only_the_result_is_explained(scene, result):
-    told, whole = explain(result, 10), explain(result, 10, scene.detections)
-    assert (told.complete, whole.complete) == (False, True)
-    for mine, theirs in zip(told.views, whole.views, strict=True):
-        theirs_owned = [each for each in theirs.detections if each.person is not None]
-        assert [(e.number, e.person, e.n_used) for e in mine.detections] == [
+    explanation, whole = explain(result, 10), explain(result, 10, scene.detections)
+    assert (explanation.complete, whole.complete) == (False, True)
+    for first, second in zip(explanation.views, whole.views, strict=True):
+        theirs_owned = [each for each in second.detections if each.person is not None]
+        assert [(e.number, e.person, e.n_used) for e in first.detections] == [
             (e.number, e.person, e.n_used) for e in theirs_owned
         ]
-        assert all(each.n_keypoints is None for each in mine.detections)
+        assert all(each.n_keypoints is None for each in first.detections)
 
 
 def test_people_are_listed_with_their_states(result):
-    told = explain(result, 10)
-    assert [(p.name, p.state, p.since) for p in told.people][:2] == [
+    explanation = explain(result, 10)
+    assert [(p.name, p.state, p.since) for p in explanation.people][:2] == [
         ("person_1", TrackState.ACTIVE, 3), ("person_2", TrackState.ACTIVE, 3),
     ]  # fmt: skip
     assert "person_4" not in [person.name for person in explain(result, AWAY).people]
-    layer = told.people[0].layers[1]
+    layer = explanation.people[0].layers[1]
     assert (layer.layer, layer.n_points, layer.sd_mm) == ("model", 20, pytest.approx(10))
 
 
 def test_single_person(scene, result):
-    told = explain(result, 10, scene.detections, "person_2")
-    assert [person.name for person in told.people] == ["person_2"]
-    assert {each.person for view in told.views for each in view.detections} <= {"person_2", None}
+    explanation = explain(result, 10, scene.detections, "person_2")
+    assert [person.name for person in explanation.people] == ["person_2"]
+    assert {each.person for view in explanation.views for each in view.detections} <= {"person_2", None}
     events = (Event(9, 0.36, "person_1", "lost", "a"), Event(9, 0.36, "cam_1", "camera_rejected", "b"))
     assert explain(replace(result, events=events), 10, None, "person_2").events == events[1:]
 

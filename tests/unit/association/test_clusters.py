@@ -29,8 +29,8 @@ class TestDistance:
     def test_by_hand(self):
         a, b = np.zeros((1, 2, 3)), np.array([[[0.3, 0.0, 0.0], [0.0, 0.4, 0.0]]])
         # Variances add: 0.01 + 0.01; 0.09 / 0.02 and 0.16 / 0.02, and the mean of the two.
-        found = distance_squared(a, spread_of(0.1, 1, 2), b, spread_of(0.1, 1, 2))
-        assert found == pytest.approx(np.array([[6.25]]))
+        actual = distance_squared(a, spread_of(0.1, 1, 2), b, spread_of(0.1, 1, 2))
+        assert actual == pytest.approx(np.array([[6.25]]))
 
     def test_expected_distance_does_not_depend_on_the_number_of_keypoints(self):
         rng = np.random.default_rng(0)
@@ -40,8 +40,8 @@ class TestDistance:
         for common in (1, 5, 17):
             a, b = draws.copy()
             a[:, common:] = np.nan
-            found = np.diagonal(distance_squared(a, six(spread), b, six(spread)))
-            assert found.mean() == pytest.approx(3.0, abs=0.5)
+            actual = np.diagonal(distance_squared(a, six(spread), b, six(spread)))
+            assert actual.mean() == pytest.approx(3.0, abs=0.5)
 
     def test_distance_is_invariant_to_rotations(self):
         rng = np.random.default_rng(1)
@@ -110,8 +110,8 @@ class TestTorso:
         points = standing()
         points[0, COCO.index("left_hip")] = np.nan
         here, spread = torso(COCO, points, SMALL)
-        there, same = torso(COCO, points + np.array([30.0, -20.0, 5.0]), SMALL)
-        np.testing.assert_allclose(there - here, [[30.0, -20.0, 5.0]], atol=1e-9)
+        other, same = torso(COCO, points + np.array([30.0, -20.0, 5.0]), SMALL)
+        np.testing.assert_allclose(other - here, [[30.0, -20.0, 5.0]], atol=1e-9)
         np.testing.assert_allclose(spread, same, atol=1e-12)
 
     def test_no_people_have_no_trunk(self):

@@ -10,7 +10,7 @@ from posefuse.model.detections import Detections
 from tests.scenes import skeleton_of
 
 
-def crowd(sizes: list[list[list[float]]], ids: list[int] | None = None) -> Detections:
+def detections_of_sizes(sizes: list[list[list[float]]], ids: list[int] | None = None) -> Detections:
     """Return detections given the sizes of the people in each frame and view, in px."""
     cells = [people for frame in sizes for people in frame]
     rows = [np.array([[0.0, 0.0], [size, size]]) for people in cells for size in people]
@@ -33,14 +33,14 @@ def chosen(detections: Detections, pick) -> list[list[int]]:
 
 
 def test_single_person_needs_no_selection():
-    assert chosen(crowd([[[5], []], [[], [5]]]), None) == [[0, -1], [-1, 0]]
+    assert chosen(detections_of_sizes([[[5], []], [[], [5]]]), None) == [[0, -1], [-1, 0]]
 
 
 def test_several_people_need_a_selection():
     with pytest.raises(DetectionsError, match=r"View 'b' shows 2 people in frame 1 .*with --pick largest, or remove"):
-        chosen(crowd([[[5], [5]], [[5], [5, 6]]]), None)
+        chosen(detections_of_sizes([[[5], [5]], [[5], [5, 6]]]), None)
     with pytest.raises(DetectionsError, match="--pick largest or --pick track-id"):
-        chosen(crowd([[[5], [5]], [[5], [5, 6]]], [1, 1, 1, 1, 2]), None)
+        chosen(detections_of_sizes([[[5], [5]], [[5], [5, 6]]], [1, 1, 1, 1, 2]), None)
 
 
 def test_selection_by_size_gives_a_note():
@@ -49,11 +49,11 @@ def test_selection_by_size_gives_a_note():
 
 
 def test_selects_the_largest_person():
-    assert chosen(crowd([[[3, 9, 4], [2]], [[7, 1], []]]), "largest") == [[1, 0], [0, -1]]
+    assert chosen(detections_of_sizes([[[3, 9, 4], [2]], [[7, 1], []]]), "largest") == [[1, 0], [0, -1]]
 
 
 def test_people_without_keypoints_are_smallest():
-    detections = crowd([[[3, 9], [2]]])
+    detections = detections_of_sizes([[[3, 9], [2]]])
     keypoints = np.array(detections.keypoints_px)
     keypoints[1] = np.nan
     from dataclasses import replace
@@ -62,11 +62,11 @@ def test_people_without_keypoints_are_smallest():
 
 
 def test_selects_the_longest_track_id_of_each_view():
-    detections = crowd([[[1, 1], [1]], [[1, 1], [1]], [[1], [1]]], ids=[4, 7, 2, 7, 4, 2, 7, 3])
+    detections = detections_of_sizes([[[1, 1], [1]], [[1, 1], [1]], [[1], [1]]], ids=[4, 7, 2, 7, 4, 2, 7, 3])
     assert longest_track_ids(detections).tolist() == [7, 2]
     assert chosen(detections, "track-id") == [[1, 0], [0, 0], [0, -1]]
 
 
 def test_raises_if_track_ids_are_missing():
     with pytest.raises(DetectionsError, match="people in view 'a' have no track IDs. Use --pick largest"):
-        chosen(crowd([[[1, 1], [1]]]), "track-id")
+        chosen(detections_of_sizes([[[1, 1], [1]]]), "track-id")

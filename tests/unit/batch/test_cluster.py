@@ -16,12 +16,12 @@ def test_tasks_of_a_dying_cluster_worker_run_elsewhere(tmp_path):
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
     ) as cluster:
-        found = {}
+        actual = {}
         for outcome in on_cluster(do, jobs(tmp_path, *names), cluster.scheduler_address):
-            if not found:
+            if not actual:
                 os.kill(next(iter(cluster.workers.values())).pid, signal.SIGKILL)
-            found[outcome.name] = outcome
-    assert {name: outcome.state for name, outcome in found.items()} == dict.fromkeys(names, "done")
+            actual[outcome.name] = outcome
+    assert {name: outcome.state for name, outcome in actual.items()} == dict.fromkeys(names, "done")
 
 
 def test_missing_scheduler_is_an_error():

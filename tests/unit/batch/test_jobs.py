@@ -12,10 +12,10 @@ from posefuse.model.options.options import Options
 
 def test_results_are_named_after_folders(tmp_path):
     one, other = tmp_path / "a" / "rec", tmp_path / "b" / "rec"
-    found = jobs_of([one, tmp_path / "c", one, other, tmp_path / "out"], tmp_path / "out", None, Options())
-    assert [job.name for job in found] == ["a-rec", "c", "b-rec"]
-    assert [job.output for job in found] == [tmp_path / "out" / job.name for job in found]
-    assert all(job.folder.is_absolute() for job in found)
+    actual = jobs_of([one, tmp_path / "c", one, other, tmp_path / "out"], tmp_path / "out", None, Options())
+    assert [job.name for job in actual] == ["a-rec", "c", "b-rec"]
+    assert [job.output for job in actual] == [tmp_path / "out" / job.name for job in actual]
+    assert all(job.folder.is_absolute() for job in actual)
 
 
 def test_equal_names_are_refused(tmp_path):
@@ -39,8 +39,8 @@ def test_recordings_in_the_output_are_refused_and_results_are_skipped(tmp_path):
     (out / "begun" / ".parts").mkdir()
     with pytest.raises(OptionsError, match=r"contains recordings of the batch \(.*rec\)"):
         jobs_of([out / "rec", tmp_path / "other"], out, None, Options())
-    given = [out / "made", out / "begun", out, tmp_path / "other"]
-    assert [job.name for job in jobs_of(given, out, None, Options())] == ["other"]
+    original = [out / "made", out / "begun", out, tmp_path / "other"]
+    assert [job.name for job in jobs_of(original, out, None, Options())] == ["other"]
 
 
 def test_undecodable_names_are_escaped(tmp_path):

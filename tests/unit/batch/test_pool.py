@@ -8,10 +8,10 @@ from tests.unit.batch.job_functions import do, jobs
 
 def test_dying_process_does_not_affect_other_jobs(tmp_path):
     todo = jobs(tmp_path, "dies", "a", "diesonce", "b", "c")
-    found = {outcome.name: outcome for outcome in in_processes(do, todo, 2)}
-    assert {name: outcome.state for name, outcome in found.items()} == {
+    actual = {outcome.name: outcome for outcome in in_processes(do, todo, 2)}
+    assert {name: outcome.state for name, outcome in actual.items()} == {
         "dies": "failed", "a": "done", "diesonce": "done", "b": "done", "c": "done",
     }  # fmt: skip
-    assert "SIGKILL" in found["dies"].why
-    assert "--jobs 1" in found["dies"].why
+    assert "SIGKILL" in actual["dies"].why
+    assert "--jobs 1" in actual["dies"].why
     assert [name for name in os.environ if name == "NUMBA_NUM_THREADS"] == []

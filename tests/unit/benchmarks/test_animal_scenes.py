@@ -63,12 +63,12 @@ def test_tank_has_no_up_axis() -> None:
 
 def test_clean_detections_match_the_projected_truth(scene: CrowdScene) -> None:
     clean = simulate_animals(replace(FEW, detector=replace(CLEAN, sigma_px=0.0), duration_s=1.0))
-    there = clean.kind == 0
-    frame = np.repeat(np.arange(20 * 3), np.diff(clean.detections.offsets))[there]
-    own = points_of(clean)[frame // 3, clean.owner[there]]
+    other = clean.kind == 0
+    frame = np.repeat(np.arange(20 * 3), np.diff(clean.detections.offsets))[other]
+    own = points_of(clean)[frame // 3, clean.owner[other]]
     for v, camera in enumerate(clean.rig.cameras):
-        mine = frame % 3 == v
-        off = np.linalg.norm(camera.project(own[mine])[0] - clean.detections.keypoints_px[there][mine], axis=-1)
+        first = frame % 3 == v
+        off = np.linalg.norm(camera.project(own[first])[0] - clean.detections.keypoints_px[other][first], axis=-1)
         assert np.nanmax(off) < 1e-6
 
 

@@ -16,17 +16,17 @@ def gaussian(rng, n: int, dof: int) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("dof", [2, 3])
 def test_sample_of_the_covariance_is_consistent(dof, rng):
-    found = nis(*gaussian(rng, 40_000, dof))
-    assert found.n == 40_000
-    assert found.mean == pytest.approx(dof, rel=0.02)
-    assert (found.covered_68, found.covered_95) == (pytest.approx(0.68, abs=0.01), pytest.approx(0.95, abs=0.005))
+    actual = nis(*gaussian(rng, 40_000, dof))
+    assert actual.n == 40_000
+    assert actual.mean == pytest.approx(dof, rel=0.02)
+    assert (actual.covered_68, actual.covered_95) == (pytest.approx(0.68, abs=0.01), pytest.approx(0.95, abs=0.005))
 
 
 def test_overconfidence_is_detected(rng):
     errors, covariances = gaussian(rng, 20_000, 3)
-    found = nis(errors, covariances / 4)
-    assert found.mean == pytest.approx(12, rel=0.03)
-    assert found.covered_95 < 0.5
+    actual = nis(errors, covariances / 4)
+    assert actual.mean == pytest.approx(12, rel=0.03)
+    assert actual.covered_95 < 0.5
 
 
 def test_coverage_of_known_regions():
@@ -66,8 +66,8 @@ def falling() -> np.ndarray:
 def test_acceleration_of_free_fall_and_double_gravity():
     truth = falling()
     np.testing.assert_allclose(accelerations_m_s2(truth, TIME_S), 9.81)
-    found = jitter(2.0 * truth, truth, np.zeros((40, 1), dtype=int), TIME_S)
-    assert (found.result_m_s2, found.ratio, found.n) == (pytest.approx(19.62), pytest.approx(2), 76)
+    actual = jitter(2.0 * truth, truth, np.zeros((40, 1), dtype=int), TIME_S)
+    assert (actual.result_m_s2, actual.ratio, actual.n) == (pytest.approx(19.62), pytest.approx(2), 76)
 
 
 def test_identity_changes_and_gaps_are_not_motion():
@@ -77,8 +77,8 @@ def test_identity_changes_and_gaps_are_not_motion():
     person = np.zeros((40, 1), dtype=int)
     assert jitter(ours, truth, person, TIME_S).n == 76
     person[20:] = 1
-    found = jitter(ours, truth, person, TIME_S)
-    assert (found.n, found.ratio) == (72, pytest.approx(1))
+    actual = jitter(ours, truth, person, TIME_S)
+    assert (actual.n, actual.ratio) == (72, pytest.approx(1))
     late = TIME_S + np.where(np.arange(40) >= 20, 3.0, 0.0)
     assert np.isnan(accelerations_m_s2(truth, late)[:, 0, 0]).sum() == 2
     assert jitter(ours[:2], truth[:2], person[:2], TIME_S[:2]).n == 0
@@ -86,9 +86,9 @@ def test_identity_changes_and_gaps_are_not_motion():
 
 def test_motionless_points_have_no_ratio():
     still = np.zeros((10, 1, 1, 3))
-    found = jitter(still, still, np.zeros((10, 1), dtype=int), TIME_S[:10])
-    assert found.result_m_s2 == 0
-    assert np.isnan(found.ratio)
+    actual = jitter(still, still, np.zeros((10, 1), dtype=int), TIME_S[:10])
+    assert actual.result_m_s2 == 0
+    assert np.isnan(actual.ratio)
 
 
 def test_bone_lengths(rng):

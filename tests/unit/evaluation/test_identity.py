@@ -156,12 +156,12 @@ def test_recall_after_entry():
 
 def test_result_or_truth_without_people():
     truth = walkers(2)
-    nobody = np.full((FRAMES, 0, 3, 3), np.nan)
-    clear, identity, hota = scored(nobody, truth)
+    empty = np.full((FRAMES, 0, 3, 3), np.nan)
+    clear, identity, hota = scored(empty, truth)
     assert (clear.mota, clear.recall, identity.idf1, hota.hota) == (0, 0, 0, 0)
     assert math.isnan(clear.precision)
     assert math.isnan(clear.motp_mm)
-    clear, identity, _ = scored(truth, nobody)
+    clear, identity, _ = scored(truth, empty)
     assert math.isnan(clear.mota)
     assert (clear.false_people, identity.idf1) == (40, 0)
 
@@ -229,6 +229,6 @@ def test_scores_are_independent_of_person_order_and_axes(seed):
         points[:, rng.permutation(4)] @ rotation.T + shift,
         truth[:, rng.permutation(3)] @ rotation.T + shift,
     )
-    for mine, other in zip(scored(points, truth), scored(*moved), strict=True):
-        for name, value in vars(mine).items():
+    for first, other in zip(scored(points, truth), scored(*moved), strict=True):
+        for name, value in vars(first).items():
             assert getattr(other, name) == pytest.approx(value, abs=1e-9, nan_ok=True), name

@@ -58,32 +58,32 @@ def test_score_of_one_part_matches_hand_computed_values():
     """A lower arm of 0.25 m: the wrist may be 0.25 m off and not more; the head's ends 0.1 m each."""
     truth = joints_14(body(), COCO, "campus")[None, None]
     for off, correct in ((0.24, 1.0), (0.26, 0.0)):
-        found = truth.copy()
-        found[..., JOINTS.index("right_wrist"), 0] += off
-        scores = part_scores(found, truth, "campus")
+        actual = truth.copy()
+        actual[..., JOINTS.index("right_wrist"), 0] += off
+        scores = part_scores(actual, truth, "campus")
         assert scores.by_part[PARTS.index("right_lower_arm")] == correct
         assert scores.by_actor == (pytest.approx(0.9 + 0.1 * correct),)
     for off, correct in ((0.09, 1.0), (0.11, 0.0)):
-        found = truth.copy()
-        found[..., 12:, 0] += off
-        scores = part_scores(found, truth, "campus")
+        actual = truth.copy()
+        actual[..., 12:, 0] += off
+        scores = part_scores(actual, truth, "campus")
         assert scores.by_part[PARTS.index("head")] == correct
         assert scores.by_part[PARTS.index("torso")] == 1
 
 
 def test_without_a_head_eight_parts_count():
     truth = joints_14(body(), COCO, "campus")[None, None]
-    found = joints_14(body(), COCO, "none")[None, None]
-    found[..., 0, 0] += 1.0
-    scores = part_scores(found, truth, "none")
+    actual = joints_14(body(), COCO, "none")[None, None]
+    actual[..., 0, 0] += 1.0
+    scores = part_scores(actual, truth, "none")
     assert scores.by_actor == (pytest.approx(7 / 8),)
     assert np.isnan(scores.by_part[-2:]).all()
 
 
 def test_closest_person_counts_at_any_distance_and_repeatedly():
     truth = np.stack([joints_14(body() + np.array([x, 0, 0]), COCO, "campus") for x in (0.0, 0.02, 3.0, 6.0)])[None]
-    found = joints_14(body(), COCO, "campus")[None, None]
-    scores = part_scores(found, truth, "campus")
+    actual = joints_14(body(), COCO, "campus")[None, None]
+    scores = part_scores(actual, truth, "campus")
     assert scores.by_actor == (1, 1, 0, 0)
     assert scores.average == pytest.approx(2 / 4)
     assert scores.average_first_three == pytest.approx(2 / 3)
@@ -92,23 +92,23 @@ def test_closest_person_counts_at_any_distance_and_repeatedly():
 
 def test_missing_joints_people_and_truth():
     truth = np.repeat(joints_14(body(), COCO, "campus")[None, None], 4, axis=0)
-    found = truth.copy()
-    found[0, 0, JOINTS.index("left_ankle")] = np.nan
-    found[1] = np.nan
+    actual = truth.copy()
+    actual[0, 0, JOINTS.index("left_ankle")] = np.nan
+    actual[1] = np.nan
     truth[2] = np.nan
-    scores = part_scores(found, truth, "campus")
+    scores = part_scores(actual, truth, "campus")
     assert scores.n_person_frames == 3
     assert scores.by_actor == (pytest.approx((9 + 0 + 10) / 30),)
     assert scores.recall_500 == pytest.approx(2 / 3)
-    nobody = part_scores(found[:, :0], truth, "campus")
-    assert (nobody.average, nobody.recall_500) == (0, 0)
+    empty = part_scores(actual[:, :0], truth, "campus")
+    assert (empty.average, empty.recall_500) == (0, 0)
 
 
 def test_pck_counts_missing_keypoints_as_wrong():
     truth = np.zeros((1, 1, 4, 3))
     truth[0, 0, 3] = np.nan
-    found = truth.copy()
-    found[0, 0, 0, 0] = 0.08
-    found[0, 0, 1] = np.nan
-    assert pck(found, truth, (0.05, 0.1)) == (pytest.approx(1 / 3), pytest.approx(2 / 3))
-    assert np.isnan(pck(found, np.full_like(truth, np.nan), (0.05,))[0])
+    actual = truth.copy()
+    actual[0, 0, 0, 0] = 0.08
+    actual[0, 0, 1] = np.nan
+    assert pck(actual, truth, (0.05, 0.1)) == (pytest.approx(1 / 3), pytest.approx(2 / 3))
+    assert np.isnan(pck(actual, np.full_like(truth, np.nan), (0.05,))[0])

@@ -59,7 +59,7 @@ def test_excluded_camera_survives_a_round_trip_and_its_view_is_not_used(tmp_path
     back = read_cameras(tmp_path / "r.toml")
     assert back.left_out == ("cam_3",)
     assert back.notes == ("Refined.",)
-    seen = Detections.from_dense(Skeleton("p", ("p",)), rig.names, np.zeros((2, 4, 1, 2)))
-    matched, views, notes = match_views(back, seen, Options())
+    observed = Detections.from_dense(Skeleton("p", ("p",)), rig.names, np.zeros((2, 4, 1, 2)))
+    matched, views, notes = match_views(back, observed, Options())
     assert views.view_names == matched.names == rig.names[:3]
     assert any("cam_3" in note for note in notes)

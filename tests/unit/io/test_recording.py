@@ -27,9 +27,9 @@ SCENE = simulate(SceneOptions(skeleton="body_25", duration_s=0.2, cameras=2))
 def test_files_in_the_folder_are_found(tmp_path):
     anipose.write(SCENE.rig, tmp_path / "calibration.toml")
     native.write(SCENE.detections, tmp_path / "keypoints.nc")
-    found = find_recording(tmp_path)
-    assert choose_calibration(found) == tmp_path / "calibration.toml"
-    assert choose_keypoints(found) == tmp_path / "keypoints.nc"
+    recording = find_recording(tmp_path)
+    assert choose_calibration(recording) == tmp_path / "calibration.toml"
+    assert choose_keypoints(recording) == tmp_path / "keypoints.nc"
 
 
 def test_layout_of_pose2sim_is_found(tmp_path):
@@ -38,9 +38,9 @@ def test_layout_of_pose2sim_is_found(tmp_path):
     trial = tmp_path / "trial_1"
     write_openpose(trial / "pose", SCENE.detections)
     (trial / "Config.toml").write_text("[project]\nframe_rate = 30\n")
-    found = find_recording(trial)
-    assert choose_calibration(found).name == "Calib.qca.txt"
-    assert choose_keypoints(found) == trial / "pose"
+    recording = find_recording(trial)
+    assert choose_calibration(recording).name == "Calib.qca.txt"
+    assert choose_keypoints(recording) == trial / "pose"
     assert choose_keypoints(find_recording(tmp_path)) == trial / "pose"
 
 
@@ -49,24 +49,24 @@ def test_several_candidates_are_listed_with_their_option(tmp_path):
     write_openpose(tmp_path / "pose-associated", SCENE.detections)
     anipose.write(SCENE.rig, tmp_path / "old.toml")
     anipose.write(SCENE.rig, tmp_path / "new.toml")
-    found = find_recording(tmp_path)
+    recording = find_recording(tmp_path)
     with pytest.raises(RecordingError) as error:
-        choose_calibration(found)
+        choose_calibration(recording)
     assert "2 calibrations" in str(error.value)
     assert f"--calibration {tmp_path / 'new.toml'}  (anipose)" in str(error.value)
     with pytest.raises(RecordingError, match="--keypoints .*pose-associated  .openpose."):
-        choose_keypoints(found)
+        choose_keypoints(recording)
 
 
 def test_missing_input_is_an_error_with_the_option(tmp_path):
     (tmp_path / "videos").mkdir()
     (tmp_path / "videos" / "cam.mp4").touch()
     np.save(tmp_path / "lengths.npy", np.zeros((3, 4)))
-    found = find_recording(tmp_path)
+    recording = find_recording(tmp_path)
     with pytest.raises(RecordingError, match="No calibrations found in .*Add --calibration PATH"):
-        choose_calibration(found)
+        choose_calibration(recording)
     with pytest.raises(RecordingError, match="No sets of 2D keypoints found in .*Add --keypoints PATH"):
-        choose_keypoints(found)
+        choose_keypoints(recording)
     with pytest.raises(FileError, match="No recording at"):
         find_recording(tmp_path / "nowhere")
     (tmp_path / "notes.md").touch()
@@ -76,10 +76,10 @@ def test_missing_input_is_an_error_with_the_option(tmp_path):
 
 def test_calibration_file_alone_has_no_keypoints(tmp_path):
     anipose.write(SCENE.rig, tmp_path / "calibration.toml")
-    found = find_recording(tmp_path / "calibration.toml")
-    assert choose_calibration(found) == tmp_path / "calibration.toml"
+    recording = find_recording(tmp_path / "calibration.toml")
+    assert choose_calibration(recording) == tmp_path / "calibration.toml"
     with pytest.raises(RecordingError, match=r"No sets of 2D keypoints found in .*calibration.toml\. Add --keypoints"):
-        choose_keypoints(found)
+        choose_keypoints(recording)
 
 
 def test_broken_file_is_skipped_and_others_are_found(tmp_path):
@@ -160,17 +160,17 @@ def test_two_runs_do_not_write_to_one_folder(tmp_path):
 
 
 def test_folder_is_locked_until_cleanup_is_done(tmp_path):
-    out, after, seen = tmp_path / "out", contextlib.ExitStack(), []
+    out, after, observed = tmp_path / "out", contextlib.ExitStack(), []
 
-    def look() -> None:
-        seen.append((out / "reconstruction.nc").read_text())
+    def read_during_replacement() -> None:
+        observed.append((out / "reconstruction.nc").read_text())
         with pytest.raises(FileError, match="another posefuse"), replacing_folder(out):
             pass
 
-    after.callback(look)
+    after.callback(read_during_replacement)
     with replacing_folder(out, after=after) as staging:
         (staging / "reconstruction.nc").write_text("1")
-    assert seen == ["1"]
+    assert observed == ["1"]
     assert list(tmp_path.iterdir()) == [out]
 
 
@@ -260,8 +260,8 @@ class TestFindInputs:
             find_inputs(ambiguous, keypoints=ambiguous / "a", options=Options(rate_hz=30.0))
         assert "keypoints" not in str(caught.value)
         assert "--rate-hz" not in str(caught.value)
-        found = find_inputs(ambiguous, ambiguous / "b.toml", ambiguous / "a")
-        assert found == InputPaths(ambiguous / "b.toml", ambiguous / "a")
+        actual = find_inputs(ambiguous, ambiguous / "b.toml", ambiguous / "a")
+        assert actual == InputPaths(ambiguous / "b.toml", ambiguous / "a")
 
     def test_empty_folder(self, tmp_path):
         with pytest.raises(RecordingError, match=r"(?s)No calibrations.*No sets of 2D keypoints"):

@@ -21,10 +21,10 @@ def standing(frames: int) -> tuple[np.ndarray, np.ndarray]:
 def test_bent_limb_in_a_constant_plane_has_the_twist_of_single_frames():
     turns, ways = standing(50)
     ways[:, FOREARM] = [np.sin(1.2), 0.0, -np.cos(1.2)]
-    found = smooth_rotations(TREE, turns, ways, STEP_S)
+    actual = smooth_rotations(TREE, turns, ways, STEP_S)
     expected, _ = full_rotations(TREE, turns, ways)
-    np.testing.assert_allclose(found[:, ARM], expected[:, ARM], atol=1e-12)
-    np.testing.assert_allclose(found[:, FOREARM], expected[:, FOREARM], atol=1e-12)
+    np.testing.assert_allclose(actual[:, ARM], expected[:, ARM], atol=1e-12)
+    np.testing.assert_allclose(actual[:, FOREARM], expected[:, FOREARM], atol=1e-12)
 
 
 def test_third_axes_are_along_the_bones():
@@ -32,9 +32,9 @@ def test_third_axes_are_along_the_bones():
     turns, ways = standing(20)
     ways = rng.standard_normal(ways.shape)
     ways /= np.linalg.norm(ways, axis=-1, keepdims=True)
-    found = smooth_rotations(TREE, turns, ways, STEP_S)
-    np.testing.assert_allclose(found[..., 2], ways, atol=1e-12)
-    np.testing.assert_allclose(np.linalg.det(found), 1.0, atol=1e-12)
+    actual = smooth_rotations(TREE, turns, ways, STEP_S)
+    np.testing.assert_allclose(actual[..., 2], ways, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(actual), 1.0, atol=1e-12)
 
 
 def test_straightened_limb_changes_its_bending_plane_smoothly():
@@ -72,6 +72,6 @@ def test_frames_without_a_body_have_no_influence():
     ways[:, FOREARM] = [np.sin(1.0), 0.0, -np.cos(1.0)]
     expected = smooth_rotations(TREE, turns, ways, STEP_S)
     turns[15:20], ways[15:20] = np.nan, np.nan
-    found = smooth_rotations(TREE, turns, ways, STEP_S)
-    assert np.isnan(found[15:20]).all()
-    np.testing.assert_allclose(np.delete(found, range(15, 20), 0), np.delete(expected, range(15, 20), 0), atol=1e-12)
+    actual = smooth_rotations(TREE, turns, ways, STEP_S)
+    assert np.isnan(actual[15:20]).all()
+    np.testing.assert_allclose(np.delete(actual, range(15, 20), 0), np.delete(expected, range(15, 20), 0), atol=1e-12)

@@ -76,16 +76,16 @@ def test_segment_angles_match_hand_computed_values(angles):
     turns, directions = standing(BODY)
     bend, lean, turn = angles
     turns[1] = turns[2] = Rotation.from_euler("YXZ", [bend, lean, turn], degrees=True).as_matrix()
-    found = posed(BODY, turns, directions)
-    assert [found[f"thorax.{name}"] for name in ("bend", "lean", "turn")] == pytest.approx([bend, lean, turn])
-    assert [found[f"head.{name}"] for name in ("bend", "lean", "turn")] == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
+    actual = posed(BODY, turns, directions)
+    assert [actual[f"thorax.{name}"] for name in ("bend", "lean", "turn")] == pytest.approx([bend, lean, turn])
+    assert [actual[f"head.{name}"] for name in ("bend", "lean", "turn")] == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
 
 
 def test_pelvis_angles_in_the_world():
     turns, directions = standing(BODY)
     turns[0] = Rotation.from_euler("ZYX", [120.0, 15.0, -8.0], degrees=True).as_matrix()
-    found = posed(BODY, turns, directions)
-    assert [found[f"mid_hip.{name}"] for name in ("heading", "tilt", "list")] == pytest.approx([120.0, 15.0, -8.0])
+    actual = posed(BODY, turns, directions)
+    assert [actual[f"mid_hip.{name}"] for name in ("heading", "tilt", "list")] == pytest.approx([120.0, 15.0, -8.0])
 
 
 def test_only_pelvis_angles_depend_on_the_world(rng):
@@ -145,13 +145,13 @@ def test_knuckle_angle_is_continuous_for_a_finger_that_points_back():
     tree = shipped_skeleton("coco_wholebody_133").parts[0].tree
     turns, directions = standing(tree)
     second, third = (tree.bones.index(f"left_index_finger_{i}") for i in (2, 3))
-    found = []
+    actual = []
     for twist in np.arange(-170.0, 171.0, 10.0):
         bent = Rotation.from_rotvec(np.radians(twist) * tree.rest[second]).as_matrix()
         curled = Rotation.from_euler("y", -60.0, degrees=True).as_matrix() @ tree.rest[second]
         directions[third] = bent @ curled
         angles = posed(tree, turns, directions)
         name = next(name for name in angles if name.startswith("left_index_finger_1") and name.endswith(".rotation"))
-        found.append(angles[name])
-    steps = (np.diff(found) + 180.0) % 360.0 - 180.0
+        actual.append(angles[name])
+    steps = (np.diff(actual) + 180.0) % 360.0 - 180.0
     np.testing.assert_allclose(np.abs(steps), 10.0, atol=1e-6)

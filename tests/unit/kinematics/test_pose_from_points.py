@@ -45,10 +45,10 @@ def test_unseen_points_give_no_pose(points):
     skeleton = find_skeleton("halpe_26")
     holed = points.copy()
     holed[:, :, skeleton.index("left_knee")] = np.nan
-    found = angles(holed)
-    assert np.isnan(found["left_knee.flexion"]).all()
-    assert np.isnan(found["left_hip.flexion"]).all()
-    assert np.isfinite(found["right_knee.flexion"]).all()
+    actual = angles(holed)
+    assert np.isnan(actual["left_knee.flexion"]).all()
+    assert np.isnan(actual["left_hip.flexion"]).all()
+    assert np.isfinite(actual["right_knee.flexion"]).all()
 
 
 def test_pose_of_points_recovers_a_known_pose(points):

@@ -35,8 +35,8 @@ class TestVotes:
             np.zeros((1, 1, 4)), np.zeros((1, 1)),
         )  # fmt: skip
         skeleton = Skeleton("two", ("left_a", "right_a"), pairs=(("left_a", "right_a"),))
-        given = PairSequence(pairs, skeleton, rig, np.zeros(1), np.full((1, 1, 1, 4, 2), 0.8))
-        assert assign(given, "votes").flipped.all()
-        unsure = np.array(given.confidence)
+        sequence = PairSequence(pairs, skeleton, rig, np.zeros(1), np.full((1, 1, 1, 4, 2), 0.8))
+        assert assign(sequence, "votes").flipped.all()
+        unsure = np.array(sequence.confidence)
         unsure[..., 1, :] = 0.001
-        assert not assign(replace(given, confidence=unsure), "votes").flipped.any()
+        assert not assign(replace(sequence, confidence=unsure), "votes").flipped.any()

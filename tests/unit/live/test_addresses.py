@@ -28,7 +28,7 @@ def test_addresses(text, shown, is_open):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("5570", "Valid forms"),
         ("tpc://x:1", "Did you mean 'tcp'?"),
@@ -42,6 +42,6 @@ def test_addresses(text, shown, is_open):
         ("tcp://me:secret@x:1", "optionally a name"),
     ],
 )
-def test_invalid_addresses(text, said):
-    with pytest.raises(OptionsError, match=said.replace("?", r"\?")):
+def test_invalid_addresses(text, message):
+    with pytest.raises(OptionsError, match=message.replace("?", r"\?")):
         parse_address(text)

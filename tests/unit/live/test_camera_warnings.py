@@ -22,9 +22,9 @@ def test_silent_camera_is_reported_once_and_again_on_its_return():
     assert second(True, True) == []
     # With nobody there, the stream is over, or everybody takes a break.
     assert second(False, False) == []
-    said = [sentence for _ in range(4) for sends in (False, True) for sentence in second(True, sends)]
-    assert len(said) == 3
-    assert said[-1].endswith("Further changes are only counted.")
+    messages = [sentence for _ in range(4) for sends in (False, True) for sentence in second(True, sends)]
+    assert len(messages) == 3
+    assert messages[-1].endswith("Further changes are only counted.")
 
 
 def test_wrong_clock_is_reported_as_early_or_late():
@@ -42,6 +42,6 @@ def test_wrong_clock_is_reported_as_early_or_late():
 
 def test_milliseconds_in_place_of_seconds_are_reported():
     monitor, counts = CameraWarnings(["left"]), [ViewCounts(received=1, used=1)]
-    said = [monitor.check(counts, [False], jumps) for jumps in (25, 50, 75)]
-    assert [len(each) for each in said] == [0, 1, 0]
-    assert "is it in milliseconds" in said[1][0]
+    messages = [monitor.check(counts, [False], jumps) for jumps in (25, 50, 75)]
+    assert [len(each) for each in messages] == [0, 1, 0]
+    assert "is it in milliseconds" in messages[1][0]

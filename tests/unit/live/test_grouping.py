@@ -259,9 +259,9 @@ def test_every_view_is_in_one_frame_or_counted_once(stream, clock):
         assert count.used == sum(group.views[camera] is not None for group in groups)
         assert count.missing == len(groups) - count.used
     for group in groups:
-        there = [each for each in group.views if each is not None]
-        assert there
-        assert all(abs(each.time_s - group.time_s) <= OPTIONS.same_time_s for each in there)
+        other = [each for each in group.views if each is not None]
+        assert other
+        assert all(abs(each.time_s - group.time_s) <= OPTIONS.same_time_s for each in other)
 
 
 @given(streams())

@@ -12,7 +12,7 @@ from posefuse.model.reconstruction import Layer, Reconstruction, unpack_covarian
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.tracks import Tracks
 from posefuse.pipeline.reconstruct import reconstruct
-from tests.people import crowd, followed
+from tests.people import simulate_walkers, track_perfectly
 from tests.scenes import body_points, ring, simulate_detections
 
 
@@ -30,7 +30,7 @@ def test_chunks_concatenate_to_the_whole(result):
 
 def test_concatenated_ranges_equal_the_whole(result):
     assert concatenate_ranges(result.chunks(3), 7) == result
-    everything = followed(crowd(2, 0.6))
+    everything = track_perfectly(simulate_walkers(2, 0.6))
     assert everything.poses is not None
     assert everything.swaps is not None
     assert concatenate_ranges(everything.chunks(5), everything.n_frames) == everything

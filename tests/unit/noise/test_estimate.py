@@ -140,9 +140,9 @@ def test_calibrated_noise_is_used_by_camera_name(rng):
     rig = ring(4)
     detections = simulate_detections(rig, body_points(rng, 20), rng)
     noise = NoiseOptions(("cam_3", "cam_1", "cam_0", "cam_2", "spare"), (4.0, 2.0, 1.0, 3.0, 9.0), 1.5, 3.0)
-    found = reconstruct(rig, detections, Options(noise=noise)).noise
-    assert found.scale_px.tolist() == [1.0, 2.0, 3.0, 4.0]
-    assert (found.origin, found.spread, found.nu) == ("calibrated", 1.5, 3.0)
+    result = reconstruct(rig, detections, Options(noise=noise)).noise
+    assert result.scale_px.tolist() == [1.0, 2.0, 3.0, 4.0]
+    assert (result.origin, result.spread, result.nu) == ("calibrated", 1.5, 3.0)
     with pytest.raises(OptionsError, match="no scale for cam_3"):
         reconstruct(rig, detections, Options(noise=NoiseOptions(("cam_0", "cam_1", "cam_2"), (1.0, 1.0, 1.0))))
     with pytest.raises(OptionsError, match=r"one number per camera in noise\.cameras \(2\), got 1"):

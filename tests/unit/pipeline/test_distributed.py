@@ -41,7 +41,7 @@ def distributed(scene, options: Options, folder: Path, window_s: float, run: Run
     return concatenate_ranges(reconstruct_distributed(plan, runner, Silent()), plan.detections.n_frames)
 
 
-def crowd_of(seconds: float, people: int, seed: int, **more) -> CrowdScene:
+def simulate_people(seconds: float, people: int, seed: int, **more) -> CrowdScene:
     return simulate_crowd(CrowdOptions("crowd", people=people, cameras=4, duration_s=seconds, seed=seed, **more))
 
 
@@ -59,15 +59,15 @@ def check_same(whole: Reconstruction, pieces: Reconstruction) -> None:
     np.testing.assert_array_equal(np.isnan(one), np.isnan(other))
     apart_m = np.linalg.norm(one - other, axis=-1)
     # A person with hardly any detections may differ by a few mm for a second, a small fraction of the uncertainty.
-    known = np.isfinite(apart_m)
-    assert (apart_m[known] < 1e-4).mean() > 0.999
+    reference = np.isfinite(apart_m)
+    assert (apart_m[reference] < 1e-4).mean() > 0.999
     sd_m = np.sqrt(np.asarray(whole.layers["model"].covariance_m2)[..., [0, 3, 5]].sum(axis=-1))
-    assert (apart_m[known] < 0.05 * sd_m[known]).all()
+    assert (apart_m[reference] < 0.05 * sd_m[reference]).all()
     assert np.nanmedian(apart_m) < 1e-7
 
 
 def test_people_of_two_windows_equal_those_of_one_run(tmp_path):
-    scene = crowd_of(9.0, 2, 3)
+    scene = simulate_people(9.0, 2, 3)
     options = Options(people="many", noise_scale_px=14.0, pairs="labels")
     options = replace(options, tracker=replace(options.tracker, terminate_after_s=0.5))
     whole, pieces = reconstruct(scene.rig, scene.detections, options), distributed(scene, options, tmp_path / "x", 4.5)
@@ -104,7 +104,7 @@ def test_interrupted_run_resumes_from_finished_pieces(tmp_path):
 @pytest.mark.long
 @pytest.mark.parametrize("solve", ["frame", "trajectory"])
 def test_crowd_of_three_windows_equals_one_run(tmp_path, solve):
-    scene = crowd_of(120.0, 4, 1)
+    scene = simulate_people(120.0, 4, 1)
     options = Options(people="many", solve=solve, noise_scale_px=14.0)
     options = replace(options, tracker=replace(options.tracker, terminate_after_s=5.0))
     whole, pieces = reconstruct(scene.rig, scene.detections, options), distributed(scene, options, tmp_path / "x", 40.0)

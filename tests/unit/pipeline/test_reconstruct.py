@@ -117,9 +117,9 @@ class TestMinViews:
     def test_min_views_is_lowered_once_with_a_warning(self, rng):
         rig = ring(2)
         simply = Options(triangulation=TriangulationOptions(method="simple"))
-        with pytest.warns(PosefuseWarning, match="min_views lowered from 3 to 2: the rig has 2 cameras") as said:
+        with pytest.warns(PosefuseWarning, match="min_views lowered from 3 to 2: the rig has 2 cameras") as messages:
             result = reconstruct(rig, simulate_detections(rig, body_points(rng, 40), rng), simply)
-        assert len(said) == 1
+        assert len(messages) == 1
         assert (result.layers["measured"].status == PointStatus.TWO_VIEWS).all()
         assert result.resolved.triangulation.min_views == 2
 
@@ -208,9 +208,9 @@ def test_wrong_scale_is_reported(factor, unit, rng):
         pose[:3, 3] /= factor
         cameras.append(replace(camera, camera_from_world=pose))
     rig = CameraRig(tuple(cameras), meters_per_unit=0.001 if unit else 1.0)
-    with pytest.warns(PosefuseWarning, match="The scale is wrong for this skeleton") as said:
+    with pytest.warns(PosefuseWarning, match="The scale is wrong for this skeleton") as messages:
         result = reconstruct(rig, scene.detections)
-    assert len(said) == 1
+    assert len(messages) == 1
     if unit:
-        assert f"add --length-unit {unit}" in str(said[0].message)
+        assert f"add --length-unit {unit}" in str(messages[0].message)
     assert any("scale is wrong" in note for note in result.provenance.notes)

@@ -209,12 +209,12 @@ def test_windows_of_a_trajectory_join_smoothly():
     )
     assert plan.solver.margin < 120
     assert (np.asarray(plan.solver.steps[0].priors.roughness_m2) > 1e-6).all()
-    there = np.asarray(whole.has_point)
-    assert there.mean() > 0.98
+    present = np.asarray(whole.has_point)
+    assert present.mean() > 0.98
     np.testing.assert_array_equal(cut.status, whole.status)
-    apart = np.linalg.norm(np.asarray(cut.points_m) - np.asarray(whole.points_m), axis=-1)[there]
-    assert (apart / np.asarray(whole.sd_m).max(axis=-1)[there]).max() < 0.02
-    assert np.abs(np.log(np.asarray(cut.sd_m)[there] / np.asarray(whole.sd_m)[there])).max() < 0.005
+    apart = np.linalg.norm(np.asarray(cut.points_m) - np.asarray(whole.points_m), axis=-1)[present]
+    assert (apart / np.asarray(whole.sd_m).max(axis=-1)[present]).max() < 0.02
+    assert np.abs(np.log(np.asarray(cut.sd_m)[present] / np.asarray(whole.sd_m)[present])).max() < 0.005
 
 
 def test_trajectory_needs_times_and_two_cameras(scene):

@@ -34,9 +34,9 @@ def result(scene):
 
 
 def data_of(page: str) -> dict:
-    found = re.search(r'<script id="data" type="application/json">(.*?)</script>', page, re.DOTALL)
-    assert found
-    return json.loads(found.group(1))
+    actual = re.search(r'<script id="data" type="application/json">(.*?)</script>', page, re.DOTALL)
+    assert actual
+    return json.loads(actual.group(1))
 
 
 def test_page_needs_no_network(result):

@@ -46,9 +46,9 @@ def test_only_whole_body_skeletons_have_parts():
 def test_every_keypoint_is_in_one_tree_and_every_part_keypoint_has_a_node(skeleton):
     whole = shipped_skeleton(skeleton)
     assert whole.tree is not None
-    mine = np.concatenate([each.keypoints for each in whole.parts])
-    assert len(set(mine.tolist())) == len(mine)
-    assert (whole.tree.keypoint_nodes[mine] < 0).all()
+    first = np.concatenate([each.keypoints for each in whole.parts])
+    assert len(set(first.tolist())) == len(first)
+    assert (whole.tree.keypoint_nodes[first] < 0).all()
     for each in whole.parts:
         assert (each.tree.keypoint_nodes >= 0).all()
         names = [each.tree.nodes[n].name for n in each.tree.keypoint_nodes]
@@ -120,11 +120,11 @@ def test_offset_points_add_no_lengths():
 
 def test_parts_round_trip():
     back = skeleton_from_text(skeleton_text(WHOLE))
-    for mine, theirs in zip(WHOLE.parts, back.parts, strict=True):
-        assert (mine.name, mine.at, mine.like) == (theirs.name, theirs.at, theirs.like)
-        np.testing.assert_array_equal(mine.keypoints, theirs.keypoints)
-        assert mine.tree.nodes == theirs.tree.nodes
-        assert mine.tree.limits == theirs.tree.limits
+    for first, second in zip(WHOLE.parts, back.parts, strict=True):
+        assert (first.name, first.at, first.like) == (second.name, second.at, second.like)
+        np.testing.assert_array_equal(first.keypoints, second.keypoints)
+        assert first.tree.nodes == second.tree.nodes
+        assert first.tree.limits == second.tree.limits
     mouse = shipped_skeleton("mouse_22")
     read = skeleton_from_text(skeleton_text(mouse)).tree
     assert mouse.tree is not None

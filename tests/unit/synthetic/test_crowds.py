@@ -25,19 +25,19 @@ def points_of(scene: CrowdScene) -> np.ndarray:
 
 def cells_of(scene: CrowdScene) -> tuple[np.ndarray, np.ndarray]:
     """Frame and view of each row."""
-    found = scene.detections
-    cell = np.repeat(np.arange(found.n_frames * found.n_views), found.people_counts.ravel())
-    return cell // found.n_views, cell % found.n_views
+    actual = scene.detections
+    cell = np.repeat(np.arange(actual.n_frames * actual.n_views), actual.people_counts.ravel())
+    return cell // actual.n_views, cell % actual.n_views
 
 
-def seen_by(scene: CrowdScene) -> np.ndarray:
+def has_detection(scene: CrowdScene) -> np.ndarray:
     """Shape (frame, person, view), bool: whether a person has a part in a detection."""
     frame, view = cells_of(scene)
-    seen = np.zeros((scene.detections.n_frames, points_of(scene).shape[1], scene.detections.n_views), dtype=bool)
+    visible = np.zeros((scene.detections.n_frames, points_of(scene).shape[1], scene.detections.n_views), dtype=bool)
     for who in (scene.owner, scene.other):
         real = who >= 0
-        seen[frame[real], who[real], view[real]] = True
-    return seen
+        visible[frame[real], who[real], view[real]] = True
+    return visible
 
 
 def errors_of(scene: CrowdScene, rig=None) -> np.ndarray:
@@ -92,13 +92,13 @@ class TestTruth:
 
     def test_people_are_present_only_in_their_spans(self, any_scene):
         points = points_of(any_scene)
-        there = np.isfinite(points).all(axis=(2, 3))
+        present = np.isfinite(points).all(axis=(2, 3))
         for p in range(points.shape[1]):
-            said = [during(any_scene, s) for s in any_scene.spans if s.what == "present" and s.person == p]
-            np.testing.assert_array_equal(there[:, p], np.any(said, axis=0))
+            messages = [during(any_scene, s) for s in any_scene.spans if s.what == "present" and s.person == p]
+            np.testing.assert_array_equal(present[:, p], np.any(messages, axis=0))
         status = any_scene.truth.layers["measured"].status
-        assert (status[~there] == PointStatus.NOT_SEEN).all()
-        assert (status[there] == PointStatus.OK).all()
+        assert (status[~present] == PointStatus.NOT_SEEN).all()
+        assert (status[present] == PointStatus.OK).all()
         assert any_scene.truth.person_ids == tuple(f"person_{p + 1}" for p in range(points.shape[1]))
 
     def test_people_do_not_walk_through_each_other(self, any_scene):
@@ -160,20 +160,20 @@ class TestScenarios:
 
     def test_one_person_leaves_for_five_seconds(self):
         scene = simulate_crowd(CrowdOptions("leave", seed=2))
-        there = np.isfinite(points_of(scene)[..., 0]).all(axis=-1)
-        assert there[:, 0].all()
-        assert (~there[:, 1]).sum() == pytest.approx(125, abs=1)
-        assert there[[0, -1], 1].all()
+        present = np.isfinite(points_of(scene)[..., 0]).all(axis=-1)
+        assert present[:, 0].all()
+        assert (~present[:, 1]).sum() == pytest.approx(125, abs=1)
+        assert present[[0, -1], 1].all()
 
     @pytest.mark.parametrize("cameras", [5, 8])
     def test_single_camera_shows_a_person_for_two_seconds(self, cameras):
         scene = simulate_crowd(CrowdOptions("one_camera", cameras=cameras, seed=3))
         span = span_of(scene, "hidden")
-        seen = seen_by(scene)[during(scene, span), span.person]
-        assert len(seen) == pytest.approx(50, abs=1)
-        assert not np.delete(seen, span.view, axis=1).any()
-        assert seen[:, span.view].mean() > 0.9
-        assert seen_by(scene)[during(scene, span), 1 - span.person].sum(axis=1).mean() > 0.6 * cameras
+        observed = has_detection(scene)[during(scene, span), span.person]
+        assert len(observed) == pytest.approx(50, abs=1)
+        assert not np.delete(observed, span.view, axis=1).any()
+        assert observed[:, span.view].mean() > 0.9
+        assert has_detection(scene)[during(scene, span), 1 - span.person].sum(axis=1).mean() > 0.6 * cameras
 
     def test_dark_camera_has_no_detections_for_ten_seconds(self):
         scene = simulate_crowd(CrowdOptions("dark"))
@@ -235,28 +235,28 @@ class TestDetector:
         frame, view = cells_of(scene)
         where = np.zeros((3000, 5), dtype=int)
         np.add.at(where, (frame[scene.kind == kind], view[scene.kind == kind]), 1)
-        found = (where > 0).mean() if kind == Kind.FALSE else where.mean() / 2
-        assert found == pytest.approx(0.1, abs=0.04 if kind == Kind.FALSE else 0.015)
+        actual = (where > 0).mean() if kind == Kind.FALSE else where.mean() / 2
+        assert actual == pytest.approx(0.1, abs=0.04 if kind == Kind.FALSE else 0.015)
 
     def test_missed_detections_have_the_requested_frequency_and_duration(self):
         scene = self.of_still_people(faults=replace(NO_FAULTS, miss_share=0.1))
-        seen = seen_by(scene).reshape(3000, -1)
-        assert (~seen).mean() == pytest.approx(0.1, abs=0.02)
-        assert (~seen).sum() / (~seen[1:] & seen[:-1]).sum() == pytest.approx(7.5, rel=0.2)
+        observed = has_detection(scene).reshape(3000, -1)
+        assert (~observed).mean() == pytest.approx(0.1, abs=0.02)
+        assert (~observed).sum() / (~observed[1:] & observed[:-1]).sum() == pytest.approx(7.5, rel=0.2)
 
     def test_overlapping_people_merge_for_the_requested_share(self):
         scene = self.of_still_people(EXACT, replace(NO_FAULTS, merge_share=0.4), apart_m=0.3)
         merged = scene.kind == Kind.MERGED
         assert merged.sum() / (3000 * 5) == pytest.approx(0.4, abs=0.03)
-        assert (seen_by(scene)).all()
+        assert (has_detection(scene)).all()
         assert set(np.unique(scene.owner[merged])) == {0, 1}
         np.testing.assert_array_equal(scene.other[merged], 1 - scene.owner[merged])
         # Every keypoint is of either, most are of the owner.
-        mine = errors_of(scene)[merged] < 1e-9
-        theirs = errors_of(replace(scene, owner=np.where(merged, scene.other, scene.owner)))[merged] < 1e-9
-        assert (mine | theirs).all()
-        assert (mine.sum(axis=1) >= theirs.sum(axis=1)).all()
-        assert 0.05 < theirs.mean() < 0.5
+        first = errors_of(scene)[merged] < 1e-9
+        second = errors_of(replace(scene, owner=np.where(merged, scene.other, scene.owner)))[merged] < 1e-9
+        assert (first | second).all()
+        assert (first.sum(axis=1) >= second.sum(axis=1)).all()
+        assert 0.05 < second.mean() < 0.5
 
     def test_only_overlapping_people_merge(self):
         scene = self.of_still_people(EXACT, replace(NO_FAULTS, merge_share=1.0), n_frames=5)
@@ -274,8 +274,8 @@ class TestDetector:
         assert not missing[(view == 0) & (scene.owner == 1)].any()
         assert not missing[(view == 1)].any()
         dropped = self.of_still_people(EXACT, replace(NO_FAULTS, visible_share=0.9), n_frames=2)
-        assert not seen_by(dropped)[:, 0, 0].any()
-        assert seen_by(dropped)[:, 1].all()
+        assert not has_detection(dropped)[:, 0, 0].any()
+        assert has_detection(dropped)[:, 1].all()
 
     def test_detected_occluded_keypoints_have_less_confidence_and_larger_errors(self):
         law = DetectorOptions(outlier_share=0, miss_share=0, swap_share=0)
@@ -300,10 +300,10 @@ class TestDetector:
         assert ((crowd.other >= 0) == (crowd.kind == Kind.MERGED)).all()
 
     def test_most_people_are_detected_most_of_the_time(self, crowd):
-        there = np.isfinite(points_of(crowd)[..., 0]).all(axis=-1)
-        seen = seen_by(crowd)[there]
-        assert seen.mean() > 0.9
-        assert (seen.sum(axis=1) >= 2).mean() > 0.999
+        present = np.isfinite(points_of(crowd)[..., 0]).all(axis=-1)
+        observed = has_detection(crowd)[present]
+        assert observed.mean() > 0.9
+        assert (observed.sum(axis=1) >= 2).mean() > 0.999
         assert 0.003 < (crowd.kind == Kind.DUPLICATE).mean() < 0.04
         assert 0.005 < (crowd.kind == Kind.MERGED).mean() < 0.06
 
@@ -414,4 +414,4 @@ class TestSceneOptions:
     def test_points_of_a_skeleton_without_a_tree(self):
         points = np.random.default_rng(0).normal(0, 0.3, (10, 2, 5, 3)) + np.array([0.0, 0.0, 1.0])
         scene = crowd_of_points(points, build_rig("ring", 3), skeleton_of(5), 25.0, faults=NO_FAULTS)
-        assert seen_by(scene).all()
+        assert has_detection(scene).all()

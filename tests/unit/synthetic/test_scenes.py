@@ -151,8 +151,8 @@ class TestDetector:
         quiet = {"outlier_share": 0.0, "miss_share": 0.0, "swap_share": 0.0}
         errors, _ = self.noise(DetectorOptions("gaussian", 1.0, **(quiet | {fault: share})))
         sizes = np.linalg.norm(errors, axis=-1)
-        found = np.isnan(sizes).mean() if fault == "miss_share" else (sizes > 20).mean()
-        assert found == pytest.approx(share, abs=0.015)
+        actual = np.isnan(sizes).mean() if fault == "miss_share" else (sizes > 20).mean()
+        assert actual == pytest.approx(share, abs=0.015)
 
     def test_missed_keypoints_are_correlated_in_time(self):
         errors, _ = self.noise(DetectorOptions("gaussian", 1.0, outlier_share=0, swap_share=0, miss_share=0.2))
@@ -161,7 +161,7 @@ class TestDetector:
         assert missing.sum() / starts == pytest.approx(0.2 * 25, rel=0.1)
 
     @pytest.mark.parametrize(("share", "rate_hz"), [(0.8, 5.0), (0.6, 2.0), (0.9, 30.0), (0.05, 100.0), (1.0, 30.0)])
-    def testspells_last_the_share_asked_for(self, share, rate_hz):
+    def test_swaps_last_for_the_requested_share(self, share, rate_hz):
         on = on_intervals((4000, 20), share, 0.2, rate_hz, np.random.default_rng(2))
         assert on.mean() == pytest.approx(share, abs=0.02)
 

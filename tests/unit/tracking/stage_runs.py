@@ -79,11 +79,11 @@ def assert_equal_results(results: Sequence[People], others: Sequence[People]) ->
 def assert_equal_people(one: People, other: People) -> None:
     """Assert that the people of a frame are bitwise equal."""
     assert [(p.name, p.state, p.log_odds) for p in one.people] == [(p.name, p.state, p.log_odds) for p in other.people]
-    for mine, theirs in zip(one.people, other.people, strict=True):
-        np.testing.assert_array_equal(mine.points_m, theirs.points_m)
-        np.testing.assert_array_equal(mine.covariance_m2, theirs.covariance_m2)
-        np.testing.assert_array_equal(mine.rows, theirs.rows)
-        np.testing.assert_array_equal(mine.used, theirs.used)
+    for first, second in zip(one.people, other.people, strict=True):
+        np.testing.assert_array_equal(first.points_m, second.points_m)
+        np.testing.assert_array_equal(first.covariance_m2, second.covariance_m2)
+        np.testing.assert_array_equal(first.rows, second.rows)
+        np.testing.assert_array_equal(first.used, second.used)
 
 
 def clean_scene(people: int, duration_s: float, seed: int = 3, rate_hz: float = 25.0) -> CrowdScene:

@@ -43,26 +43,26 @@ def run(settings: TrackerSettings, seconds, dt_s: float = 0.04) -> list[tuple[fl
             time_s += dt_s
             monitor.n_due[:] = due
             options = settings.options.camera_monitor
-            found = monitor.update_silence(np.array(recorded), np.array(shown), dt_s, options)
-            changes.extend((round(time_s, 3), view, kind == "camera_silent", reason) for view, kind, reason in found)
+            actual = monitor.update_silence(np.array(recorded), np.array(shown), dt_s, options)
+            changes.extend((round(time_s, 3), view, kind == "camera_silent", reason) for view, kind, reason in actual)
     return changes
 
 
 @pytest.mark.parametrize("dt_s", [0.01, 0.04])
 def test_camera_without_frames_is_silent(settings, dt_s):
     gone = np.array([True, False, True])
-    said = run(settings, [(1.0, ALL, [1, 1, 1], [1, 1, 1]), (5.0, gone, [1, 0, 1], [1, 0, 1]),
+    output = run(settings, [(1.0, ALL, [1, 1, 1], [1, 1, 1]), (5.0, gone, [1, 0, 1], [1, 0, 1]),
                           (1.0, ALL, [1, 1, 1], [1, 1, 1])], dt_s)  # fmt: skip
-    assert [(view, silent) for _, view, silent, _ in said] == [(1, True), (1, False)]
-    assert [when for when, *_ in said] == pytest.approx([3.0, 6.2], abs=dt_s + 1e-9)
-    assert said[0][3] == "no usable frame for 2.0 s"
+    assert [(view, silent) for _, view, silent, _ in output] == [(1, True), (1, False)]
+    assert [when for when, *_ in output] == pytest.approx([3.0, 6.2], abs=dt_s + 1e-9)
+    assert output[0][3] == "no usable frame for 2.0 s"
 
 
 def test_camera_without_people_whom_others_show_is_silent(settings):
-    said = run(settings, [(1.0, ALL, [2, 2, 2], [2, 2, 2]), (4.0, ALL, [2, 2, 0], [2, 2, 2]),
+    output = run(settings, [(1.0, ALL, [2, 2, 2], [2, 2, 2]), (4.0, ALL, [2, 2, 0], [2, 2, 2]),
                           (1.0, ALL, [2, 2, 2], [2, 2, 2])])  # fmt: skip
-    assert [(view, silent) for _, view, silent, _ in said] == [(2, True), (2, False)]
-    assert "other cameras show people in its image" in said[0][3]
+    assert [(view, silent) for _, view, silent, _ in output] == [(2, True), (2, False)]
+    assert "other cameras show people in its image" in output[0][3]
 
 
 def test_cameras_of_an_empty_room_are_not_silent(settings):
@@ -81,8 +81,8 @@ def test_short_gaps_do_not_make_a_camera_silent(settings):
 
 def test_single_detection_does_not_end_the_silence(settings):
     dark = (2.0, ALL, [1, 1, 0], [1, 1, 1])
-    said = run(settings, [dark, (0.04, ALL, [1, 1, 1], [1, 1, 1]), dark, dark])
-    assert [(view, silent) for _, view, silent, _ in said] == [(2, True)]
+    output = run(settings, [dark, (0.04, ALL, [1, 1, 1], [1, 1, 1]), dark, dark])
+    assert [(view, silent) for _, view, silent, _ in output] == [(2, True)]
 
 
 def test_alternating_views_are_not_silent(settings):

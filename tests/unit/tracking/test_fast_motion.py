@@ -20,7 +20,7 @@ from tests.unit.tracking.stage_runs import (
 )
 
 
-def proposed(points_m: np.ndarray, views: int, log_odds: float) -> Proposals:
+def one_proposal(points_m: np.ndarray, views: int, log_odds: float) -> Proposals:
     """Return one proposal with a number of views."""
     none = Proposals.none(len(MOUSE), 3)
     rows = np.where(np.arange(3) < views, np.arange(3), -1)[None]
@@ -31,13 +31,15 @@ def proposed(points_m: np.ndarray, views: int, log_odds: float) -> Proposals:
 
 
 POINTS = np.tile(np.arange(len(MOUSE))[:, None] * 1e-3, (1, 3))
-NOBODY = np.full((1, 3), -1)
+NO_ROWS = np.full((1, 3), -1)
 
 
-def leaps_of(points_m: np.ndarray, views: int, log_odds: float, rows: np.ndarray = NOBODY, gone_s: float = 0.03) -> int:
-    proposals = proposed(points_m, views, log_odds)
+def count_fast_motions(
+    points_m: np.ndarray, views: int, log_odds: float, rows: np.ndarray = NO_ROWS, unseen_s: float = 0.03
+) -> int:
+    proposals = one_proposal(points_m, views, log_odds)
     return len(
-        fast_motion.find_fast_motions(np.array([0]), rows, POINTS[None], np.array([gone_s]), proposals, SETTINGS)
+        fast_motion.find_fast_motions(np.array([0]), rows, POINTS[None], np.array([unseen_s]), proposals, SETTINGS)
     )
 
 
@@ -56,17 +58,17 @@ def test_fast_motion_is_within_reach_and_in_more_views() -> None:
     reach_m = births.gate_m + motion.top_speed_m_s * 0.03
     assert births.gate_m == pytest.approx(0.02)
     aside = np.array([1.0, 0.0, 0.0])
-    assert leaps_of(POINTS + 0.99 * reach_m * aside, 3, 8.0) == 1
-    assert leaps_of(POINTS + 1.01 * reach_m * aside, 3, 8.0) == 0
-    assert leaps_of(POINTS + 1.01 * reach_m * aside, 3, 8.0, gone_s=0.1) == 1
-    assert leaps_of(POINTS, 2, 8.0, rows=np.array([[0, 1, -1]])) == 0
-    assert leaps_of(POINTS, 3, 8.0, rows=np.array([[0, 1, -1]])) == 1
+    assert count_fast_motions(POINTS + 0.99 * reach_m * aside, 3, 8.0) == 1
+    assert count_fast_motions(POINTS + 1.01 * reach_m * aside, 3, 8.0) == 0
+    assert count_fast_motions(POINTS + 1.01 * reach_m * aside, 3, 8.0, unseen_s=0.1) == 1
+    assert count_fast_motions(POINTS, 2, 8.0, rows=np.array([[0, 1, -1]])) == 0
+    assert count_fast_motions(POINTS, 3, 8.0, rows=np.array([[0, 1, -1]])) == 1
 
 
 def test_weak_odds_suffice_only_for_tracks_without_detections() -> None:
-    assert leaps_of(POINTS, 3, 1.0) == 1
-    assert leaps_of(POINTS, 3, 1.0, rows=np.array([[0, -1, -1]])) == 0
-    assert leaps_of(POINTS, 3, -1.0) == 0
+    assert count_fast_motions(POINTS, 3, 1.0) == 1
+    assert count_fast_motions(POINTS, 3, 1.0, rows=np.array([[0, -1, -1]])) == 0
+    assert count_fast_motions(POINTS, 3, -1.0) == 0
 
 
 def test_displaced_state_is_faster_and_less_certain() -> None:

@@ -44,8 +44,8 @@ def test_unrecorded_frame_has_an_extrapolated_time():
     assert clock.advance(frame(2, NAN, NAN)) == pytest.approx(0.1)
     assert clock.advance(frame(4, NAN, NAN)) == pytest.approx(0.2)
     assert clock.advance(frame(5, 0.5, NAN)) == pytest.approx(0.1)
-    said = frame(6, 0.57, 0.57, recorded=(False, False))
-    assert clock.advance(said) == pytest.approx(0.07)
+    messages = frame(6, 0.57, 0.57, recorded=(False, False))
+    assert clock.advance(messages) == pytest.approx(0.07)
     assert view_times(frame(7, NAN, NAN), 0.67)[0][0] == 0.67
 
 

@@ -53,10 +53,10 @@ def outcome_of(supported: np.ndarray, expected: np.ndarray, time_s: float, dt_s:
     return FrameOutcome(frame, time_s, dt_s, nothing, nothing, nothing, supported, expected)
 
 
-def found(settings: TrackerSettings, known: tuple[float, float], shown: tuple[float, float]) -> AuditResult:
+def audit(settings: TrackerSettings, reference: tuple[float, float], shown: tuple[float, float]) -> AuditResult:
     """Return the audit of two people with known sizes and others observed since."""
     tracks, bodies = zip(*(tracked_person(settings, TrackState.ACTIVE) for _ in NAMES), strict=True)
-    for track, name, size in zip(tracks, NAMES, known, strict=True):
+    for track, name, size in zip(tracks, NAMES, reference, strict=True):
         track.name, track.shape_observed_s = name, settings.options.fix_shape_after_s
         track.known_shape = size * settings.tree.shape_m, np.diag((0.005 + 0.0 * settings.tree.shape_m) ** 2)
     contact = Contact(NAMES, 1.0, 0.0)
@@ -67,8 +67,8 @@ def found(settings: TrackerSettings, known: tuple[float, float], shown: tuple[fl
 
 def test_different_bodies_are_distinguished():
     settings = settings_with()
-    straight = found(settings, (1.06, 0.98), (1.06, 0.98))
-    crossed = found(settings, (1.06, 0.98), (0.98, 1.06))
+    straight = audit(settings, (1.06, 0.98), (1.06, 0.98))
+    crossed = audit(settings, (1.06, 0.98), (0.98, 1.06))
     assert (straight.swap, straight.is_clear) == (False, True)
     assert (crossed.swap, crossed.is_clear) == (True, True)
     assert crossed.log_odds == pytest.approx(-straight.log_odds)
@@ -76,27 +76,27 @@ def test_different_bodies_are_distinguished():
 
 @pytest.mark.parametrize("shown", [(1.0, 1.0), (1.06, 0.98)])
 def test_equal_bodies_are_not_distinguished(shown):
-    finding = found(settings_with(), (1.02, 1.02), shown)
-    assert finding.log_odds == pytest.approx(0.0, abs=1e-9)
-    assert (finding.swap, finding.is_clear) == (False, False)
+    result = audit(settings_with(), (1.02, 1.02), shown)
+    assert result.log_odds == pytest.approx(0.0, abs=1e-9)
+    assert (result.swap, result.is_clear) == (False, False)
 
 
 @pytest.mark.parametrize("larger", [0.01, 0.02, 0.03, 0.04, 0.06])
 def test_identities_are_swapped_only_above_the_odds_threshold(larger):
     """The threshold is a likelihood ratio, which bounds the rate of errors."""
-    finding = found(settings_with(), (1.0 + larger, 1.0), (1.0, 1.0 + larger))
-    assert finding.log_odds < 0.0
-    assert finding.swap == finding.is_clear == (finding.log_odds < -math.log(100.0))
+    result = audit(settings_with(), (1.0 + larger, 1.0), (1.0, 1.0 + larger))
+    assert result.log_odds < 0.0
+    assert result.swap == result.is_clear == (result.log_odds < -math.log(100.0))
 
 
 def test_contact_with_a_terminated_track_is_dropped():
     settings = settings_with()
     track, body = tracked_person(settings, TrackState.ACTIVE)
     track.name = NAMES[0]
-    known: dict[tuple[str, str], Contact] = {NAMES: Contact(NAMES, 1.0, 0.0)}
-    seen = np.zeros((1, len(settings.rig)), dtype=bool)
-    update_contacts(known, [track], body, outcome_of(seen, seen, 10.0, 0.04), settings.options.identity_audit)
-    assert audit_identities(known, [track], body, 10.0, settings) == []
+    reference: dict[tuple[str, str], Contact] = {NAMES: Contact(NAMES, 1.0, 0.0)}
+    visible = np.zeros((1, len(settings.rig)), dtype=bool)
+    update_contacts(reference, [track], body, outcome_of(visible, visible, 10.0, 0.04), settings.options.identity_audit)
+    assert audit_identities(reference, [track], body, 10.0, settings) == []
 
 
 @pytest.mark.parametrize("others", [0, 2])
@@ -108,25 +108,25 @@ def test_contacts_exist_only_for_people_who_were_close(others):
     for k, (track, body) in enumerate(zip(tracks, bodies, strict=True)):
         track.name = f"person_{k + 1}"
         state = join_states(state, body) if k else body
-    seen, known = np.ones((len(tracks), len(settings.rig)), dtype=bool), {}
-    alone = seen.copy()
+    visible, reference = np.ones((len(tracks), len(settings.rig)), dtype=bool), {}
+    alone = visible.copy()
     alone[0] = False
-    for t, (apart_m, shown) in enumerate([(2.0, seen), (0.3, alone), (0.3, alone), (2.0, seen)]):
+    for t, (apart_m, shown) in enumerate([(2.0, visible), (0.3, alone), (0.3, alone), (2.0, visible)]):
         state.root[:] = 10.0 * np.arange(len(tracks))[:, None]
         state.root[1] = state.root[0] + [apart_m, 0.0, 0.0]
-        outcome = outcome_of(shown, seen, float(t), 0.1)
-        update_contacts(known, list(tracks), state, outcome, settings.options.identity_audit)
-    assert list(known) == [NAMES]
-    assert known[NAMES].merged_s == pytest.approx(0.2)
-    assert known[NAMES].separated_at_s == 3.0
+        outcome = outcome_of(shown, visible, float(t), 0.1)
+        update_contacts(reference, list(tracks), state, outcome, settings.options.identity_audit)
+    assert list(reference) == [NAMES]
+    assert reference[NAMES].merged_s == pytest.approx(0.2)
+    assert reference[NAMES].separated_at_s == 3.0
 
 
 def test_contacts_are_stored_under_ordered_names():
     pairs = [ordered_pair("b", "a"), ordered_pair("a", "c"), ordered_pair("c", "d")]
     assert pairs == [("a", "b"), ("a", "c"), ("c", "d")]
-    known = {pair: Contact(pair) for pair in pairs}
-    drop_contacts(known, ("d", "b"))
-    assert list(known) == [("a", "c")]
+    reference = {pair: Contact(pair) for pair in pairs}
+    drop_contacts(reference, ("d", "b"))
+    assert list(reference) == [("a", "c")]
 
 
 def places_exchanged(statures_m: tuple[float, float]) -> CrowdScene:

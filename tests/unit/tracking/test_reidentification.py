@@ -21,8 +21,8 @@ def tracked_person(last_seen_s: float, state: TrackState = TrackState.ACTIVE) ->
 def returns(track: Track, settings: TrackerSettings, at_m: float = 0.01) -> bool:
     """Return whether a person first seen at 0.8 s, and now at 1 s, is re-identified at a distance."""
     state = standing(np.zeros(3))
-    found = find_lost_track([track], state, state, np.array([at_m, 0.0, 0.0]), 0.8, 1.0, settings)
-    return found is not None
+    actual = find_lost_track([track], state, state, np.array([at_m, 0.0, 0.0]), 0.8, 1.0, settings)
+    return actual is not None
 
 
 def test_unsupported_track_can_be_reidentified_before_it_is_lost() -> None:

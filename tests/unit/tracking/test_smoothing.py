@@ -84,8 +84,8 @@ def times(frames: int) -> np.ndarray:
 
 
 def close(one: State, other: State, atol: float) -> None:
-    for name, mine, theirs in zip(State._fields, one, other, strict=True):
-        np.testing.assert_allclose(mine, theirs, atol=atol, err_msg=name)
+    for name, first, second in zip(State._fields, one, other, strict=True):
+        np.testing.assert_allclose(first, second, atol=atol, err_msg=name)
 
 
 def test_state_difference_inverts_the_update(settings, rng):
@@ -93,11 +93,11 @@ def test_state_difference_inverts_the_update(settings, rng):
     change = rng.normal(0.0, 0.5, (3, 2 * N + H))
     end = select_states(start, [0, 1, 2])
     apply_changes(change, end)
-    found = np.empty_like(change)
-    compare_states(start, end, found)
-    np.testing.assert_allclose(found, change, atol=1e-12)
-    compare_states(end, start, found)
-    np.testing.assert_allclose(found, -change, atol=1e-12)
+    actual = np.empty_like(change)
+    compare_states(start, end, actual)
+    np.testing.assert_allclose(actual, change, atol=1e-12)
+    compare_states(end, start, actual)
+    np.testing.assert_allclose(actual, -change, atol=1e-12)
 
 
 def test_root_and_lengths_match_a_dense_smoother(settings, rng):
@@ -164,14 +164,14 @@ def test_independent_information_reduces_covariances(settings, rng, free):
     states = filtered(settings, 6, rng, kept_from=10**6 if free else 0)
     root = rng.normal(0.0, 3.0, (6, N + H, N + H)) * (np.arange(N + H) < (N + H if free else N))
     information = root.transpose(0, 2, 1) @ root
-    found, m = states.covariance.copy(), N + H if free else N
-    assert add_information(information, 0.3, states.free, N, found) == 6
-    known = np.linalg.inv(states.covariance[:, :m, :m]) + 0.3 * information[:, :m, :m]
-    np.testing.assert_allclose(found[:, :m, :m] @ known, np.tile(np.eye(m), (6, 1, 1)), atol=1e-6)
-    found[:, :m, :m] = states.covariance[:, :m, :m]
-    np.testing.assert_array_equal(found, states.covariance)
-    found[2, 0, 0] = -1.0
-    assert add_information(information, 0.3, states.free, N, found) == 2
+    actual, m = states.covariance.copy(), N + H if free else N
+    assert add_information(information, 0.3, states.free, N, actual) == 6
+    expected = np.linalg.inv(states.covariance[:, :m, :m]) + 0.3 * information[:, :m, :m]
+    np.testing.assert_allclose(actual[:, :m, :m] @ expected, np.tile(np.eye(m), (6, 1, 1)), atol=1e-6)
+    actual[:, :m, :m] = states.covariance[:, :m, :m]
+    np.testing.assert_array_equal(actual, states.covariance)
+    actual[2, 0, 0] = -1.0
+    assert add_information(information, 0.3, states.free, N, actual) == 2
 
 
 def test_smoothing_reduces_covariances(settings, rng):
@@ -187,14 +187,14 @@ def test_smoothing_reduces_covariances(settings, rng):
 
 def test_last_frame_is_not_changed(settings, rng):
     """Predicted frames add no information about the last observed frame."""
-    seen = filtered(settings, 12, rng)
-    states, now = seen, select_states(seen, [11])
+    visible = filtered(settings, 12, rng)
+    states, now = visible, select_states(visible, [11])
     for _ in range(6):
         predict_states(now, np.array([DT_S]), settings)
         states = join_states(states, now)
     smooth = smooth_states(states, times(18), settings)
     assert (np.diagonal(now.covariance[0])[:N] < settings.most).all()
-    close(State(*(each[:12] for each in smooth)), smooth_states(seen, times(12), settings), 1e-8)
+    close(State(*(each[:12] for each in smooth)), smooth_states(visible, times(12), settings), 1e-8)
     close(State(*(each[12:] for each in smooth)), State(*(each[12:] for each in states)), 1e-8)
 
 
@@ -206,7 +206,7 @@ def test_fixed_shape_applies_to_all_frames(settings, rng):
     np.testing.assert_allclose(smooth.shape, np.tile(states.shape[-1], (20, 1)), atol=1e-4)
 
 
-def told_again(states: State, share: np.ndarray, settings: TrackerSettings) -> State:
+def refilter_with_shares(states: State, share: np.ndarray, settings: TrackerSettings) -> State:
     first = temper_first_state(select_states(states, [0]), share[0], settings)
     return refilter(states, times(len(share)), share, np.ones(len(share)), first, settings)[0]
 
@@ -215,11 +215,11 @@ def told_again(states: State, share: np.ndarray, settings: TrackerSettings) -> S
 def test_refilter_matches_the_dense_reference(settings, rng, kept_from):
     frames = 30
     states = filtered(settings, frames, rng, kept_from, turn=0.05)
-    share, told = rng.uniform(0.2, 1.0, (2, frames))
+    share, information_factor = rng.uniform(0.2, 1.0, (2, frames))
     first = temper_first_state(select_states(states, [0]), share[0], settings)
-    given = states, times(frames), share, told, first, settings
-    (ours, information), (theirs, expected) = refilter(*given), reference.refilter(*given)
-    close(ours, theirs, 1e-9)
+    arguments = states, times(frames), share, information_factor, first, settings
+    (actual, information), (second, expected) = refilter(*arguments), reference.refilter(*arguments)
+    close(actual, second, 1e-9)
     size = np.sqrt(np.einsum("kii,kjj->kij", np.abs(expected), np.abs(expected)))
     assert (np.abs(information - expected) <= 1e-7 * size + 1e-6 * np.abs(expected).max()).all()
     assert np.abs(information[1:]).max(axis=(1, 2)).min() > 0.0
@@ -229,12 +229,12 @@ def test_indefinite_covariance_is_refiltered_separately(settings, rng):
     """An indefinite covariance ends the compiled pass, which continues after that frame."""
     states = filtered(settings, 12, rng, turn=0.05)
     states.covariance[6, 3, 3] *= -1.0
-    share, told = np.full((2, 12), 0.5)
+    share, information_factor = np.full((2, 12), 0.5)
     first = temper_first_state(select_states(states, [0]), 0.5, settings)
-    given = states, times(12), share, told, first, settings
-    ours, theirs = refilter(*given)[0], reference.refilter(*given)[0]
-    close(select_states(ours, range(7)), select_states(theirs, range(7)), 1e-7)
-    close(select_states(ours, [7]), select_states(states, [7]), 0.0)
+    arguments = states, times(12), share, information_factor, first, settings
+    actual, second = refilter(*arguments)[0], reference.refilter(*arguments)[0]
+    close(select_states(actual, range(7)), select_states(second, range(7)), 1e-7)
+    close(select_states(actual, [7]), select_states(states, [7]), 0.0)
 
 
 @pytest.mark.parametrize("told_of_it", [0.9, 0.02])
@@ -247,10 +247,15 @@ def test_reinitialized_limb_leaves_valid_covariances(settings, rng, told_of_it):
     velocities = np.arange(N + H + limb, N + H + N)
     states.covariance[32, velocities] = states.covariance[32][:, velocities] = 0.0
     states.covariance[32, velocities, velocities] = 4.0
-    share, told, time_s = np.full(40, 0.3), np.full(40, 4.0), times(40)
+    share, information_factor, time_s = np.full(40, 0.3), np.full(40, 4.0), times(40)
     share[32] = told_of_it
     again, information = refilter(
-        states, time_s, share, told, temper_first_state(select_states(states, [0]), 0.3, settings), settings
+        states,
+        time_s,
+        share,
+        information_factor,
+        temper_first_state(select_states(states, [0]), 0.3, settings),
+        settings,
     )
     rows = free_columns(N, H, bool(states.free[0]))
     for each in (again, smooth_states(again, time_s, settings)):
@@ -262,7 +267,7 @@ def test_reinitialized_limb_leaves_valid_covariances(settings, rng, told_of_it):
 
 def test_refilter_with_all_information_returns_the_filter(settings, rng):
     states = filtered(settings, 40, rng, turn=0.005)
-    close(told_again(states, np.ones(40), settings), states, 1e-5)
+    close(refilter_with_shares(states, np.ones(40), settings), states, 1e-5)
 
 
 def test_refilter_with_a_share_is_a_filter_with_more_noise(settings):
@@ -283,7 +288,7 @@ def test_refilter_with_a_share_is_a_filter_with_more_noise(settings):
             observed(now, change[0, : N + H] + target * np.sin(0.3 * k), np.full(N + H, factor * 0.02**2))
             out = join_states(out, now)
         runs.append(out)
-    again = told_again(runs[0], np.full(frames, 0.5), settings)
+    again = refilter_with_shares(runs[0], np.full(frames, 0.5), settings)
     np.testing.assert_allclose(again.covariance, runs[1].covariance, atol=1e-8)
     np.testing.assert_allclose(again.root[5:], runs[1].root[5:], atol=3e-3)
 
@@ -318,10 +323,10 @@ def test_information_does_not_depend_on_bone_frames(settings, rng, kept_from):
         states = join_states(states, now)
     share, t = np.full(frames, 0.4), times(frames)
     first = temper_first_state(select_states(states, [0]), share[0], settings)
-    straight, said = refilter(states, t, share, share, first, settings)
+    straight, messages = refilter(states, t, share, share, first, settings)
     turned, turned_said = refilter(states, t, share, share, with_bones_turned(first, angles), settings)
     close(turned, with_bones_turned(straight, angles), 1e-9)
-    np.testing.assert_allclose(np.trace(said, axis1=1, axis2=2), np.trace(turned_said, axis1=1, axis2=2), rtol=1e-6)
+    np.testing.assert_allclose(np.trace(messages, axis1=1, axis2=2), np.trace(turned_said, axis1=1, axis2=2), rtol=1e-6)
 
 
 def test_covariances_are_transformed_between_bone_frames(settings, rng):
@@ -331,9 +336,9 @@ def test_covariances_are_transformed_between_bone_frames(settings, rng):
     states.covariance[:] = spread @ states.covariance @ spread
     turned = with_bones_turned(states, angles)
     turn = bone_axes(turned, states, settings)
-    ours, theirs = (np.linalg.inv(each.covariance[:, : N + H, : N + H]) for each in (turned, states))
-    np.testing.assert_allclose(turn.transpose(0, 2, 1) @ theirs @ turn, ours, atol=1e-9 * np.abs(ours).max())
-    assert np.abs(theirs - ours).max() > 1e-3 * np.abs(ours).max()
+    actual, second = (np.linalg.inv(each.covariance[:, : N + H, : N + H]) for each in (turned, states))
+    np.testing.assert_allclose(turn.transpose(0, 2, 1) @ second @ turn, actual, atol=1e-9 * np.abs(actual).max())
+    assert np.abs(second - actual).max() > 1e-3 * np.abs(actual).max()
 
 
 def smooth_run(run: Run, settings: TrackerSettings) -> SmoothedBodies:

@@ -53,8 +53,8 @@ def two_creatures(size: float, seed: int) -> np.ndarray:
     for i, x in enumerate((-1.2, 1.2)):
         figure = creature(skeleton, size, rng)
         motion = CreatureMotion(10 * seed + i, 0.5 * size, height_m=size)
-        there = motion.positions(figure, np.arange(60) / 25.0)[:, figure.columns(skeleton)]
-        points.append(there + np.array([x * size, 0.0, 0.0]))
+        other = motion.positions(figure, np.arange(60) / 25.0)[:, figure.columns(skeleton)]
+        points.append(other + np.array([x * size, 0.0, 0.0]))
     return np.stack(points, axis=1)
 
 
@@ -66,17 +66,17 @@ def test_two_unknown_bodies_are_tracked(size, tree, edges):
     truth, rig = two_creatures(size, seed=2), small_rig(size)
     scene = crowd_of_points(truth, rig, parse_skeleton(MOUSE, "mouse.toml"), 25.0, seed=2)
     detections = replace(scene.detections, skeleton=skeleton)
-    found = reconstruct(rig, detections, Options(people="many"))
-    assert found.tracks is not None
-    assert found.poses is not None
-    active = np.asarray(found.tracks.state[:]) == TrackState.ACTIVE
+    result = reconstruct(rig, detections, Options(people="many"))
+    assert result.tracks is not None
+    assert result.poses is not None
+    active = np.asarray(result.tracks.state[:]) == TrackState.ACTIVE
     assert active[5:, :2].all()
     assert not active[:, 2:].any()
-    apart = np.linalg.norm(found.layers["model"].points_m[5:, :2, None] - truth[5:, None], axis=-1).mean(axis=(0, 3))
+    apart = np.linalg.norm(result.layers["model"].points_m[5:, :2, None] - truth[5:, None], axis=-1).mean(axis=(0, 3))
     order = apart.argmin(axis=1)
     assert sorted(order) == [0, 1]
     assert apart.min(axis=1).max() < 0.06 * size
-    np.testing.assert_allclose(np.linalg.norm(found.poses.directions[5:, :2], axis=-1), 1.0, rtol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(result.poses.directions[5:, :2], axis=-1), 1.0, rtol=1e-9)
 
 
 def test_live_tracking_needs_the_body_size():
@@ -116,9 +116,9 @@ def test_bones_are_independent_of_the_position_of_bodies(rng):
     points, covariance = chain_bodies(rng, 50, 0.02)
     skeleton = Skeleton("chain", ("c", "a", "d", "b"))
     here = measured_tree(skeleton, points, covariance)
-    there = measured_tree(skeleton, points[::-1] + np.array([5.0, -3.0, 8.0]), covariance)
-    np.testing.assert_allclose(here.shape_m, there.shape_m, rtol=1e-9)
-    assert here.bones == there.bones
+    other = measured_tree(skeleton, points[::-1] + np.array([5.0, -3.0, 8.0]), covariance)
+    np.testing.assert_allclose(here.shape_m, other.shape_m, rtol=1e-9)
+    assert here.bones == other.bones
 
 
 def test_too_few_bodies_are_an_error(rng):

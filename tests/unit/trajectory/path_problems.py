@@ -68,24 +68,33 @@ def measured(
     return MeasuredRange(rig, detections, tracks, layer, None, noise)
 
 
-def part_of(given: MeasuredRange, start: int, stop: int) -> MeasuredRange:
+def part_of(measurements: MeasuredRange, start: int, stop: int) -> MeasuredRange:
     """Return a range of its frames."""
     return replace(
-        given,
-        detections=given.detections.frames(start, stop),
-        tracks=given.tracks.frames(start, stop),
-        layer=given.layer.frames(start, stop),
+        measurements,
+        detections=measurements.detections.frames(start, stop),
+        tracks=measurements.tracks.frames(start, stop),
+        layer=measurements.layer.frames(start, stop),
     )
 
 
 def solved(
-    given: MeasuredRange, recording_priors: RecordingPriors | None = None, options: TrajectoryOptions | None = None
+    measurements: MeasuredRange,
+    recording_priors: RecordingPriors | None = None,
+    options: TrajectoryOptions | None = None,
 ) -> Layer:
     """Return its solved layer."""
     options = options or TrajectoryOptions()
-    recording_priors = recording_priors or estimate_priors([given], given.detections.skeleton, options)
+    recording_priors = recording_priors or estimate_priors([measurements], measurements.detections.skeleton, options)
     return solve(
-        given.rig, given.detections, given.tracks, given.layer, given.swaps, given.noise, recording_priors, options
+        measurements.rig,
+        measurements.detections,
+        measurements.tracks,
+        measurements.layer,
+        measurements.swaps,
+        measurements.noise,
+        recording_priors,
+        options,
     )
 
 

@@ -72,13 +72,13 @@ def test_noise_of_inliers_is_estimated_despite_outliers(size_px, rng):
     observations, truth = observed(rng, n=1500)
     view, angle = rng.integers(0, 5, 1500), rng.uniform(0, 2 * np.pi, 1500)
     observations.pixels[np.arange(1500), view] += size_px * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    found = fit_mixture(LinearPoints.at(observations, truth).fit(np.full((1500, 5), SIGMA_PX)))
-    assert found.scale == pytest.approx(1.0, rel=0.05)
+    actual = fit_mixture(LinearPoints.at(observations, truth).fit(np.full((1500, 5), SIGMA_PX)))
+    assert actual.scale == pytest.approx(1.0, rel=0.05)
     if size_px >= 20.0:
-        assert (found.outlier.argmax(axis=1) == view).mean() > 0.97
-        assert found.all_inliers.mean() < 0.05
+        assert (actual.outlier.argmax(axis=1) == view).mean() > 0.97
+        assert actual.all_inliers.mean() < 0.05
     if size_px == 0.0:
-        assert found.all_inliers.mean() > 0.95
+        assert actual.all_inliers.mean() > 0.95
 
 
 def test_scale_is_relative_to_sigma(rng):

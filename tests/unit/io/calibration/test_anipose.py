@@ -15,10 +15,10 @@ def test_anipose_in_millimeters(lens, tmp_path):
     path = tmp_path / "calibration.toml"
     rig = ring(3, lens)
     path.write_text(anipose_toml(rig))
-    found = read_cameras(path)
-    assert_same_cameras(found, rig)
-    assert found.up_axis is None
-    assert "assumed mm" in found.notes[0]
+    read_rig = read_cameras(path)
+    assert_same_cameras(read_rig, rig)
+    assert read_rig.up_axis is None
+    assert "assumed mm" in read_rig.notes[0]
 
 
 def test_anipose_orders_cameras_by_number(tmp_path):
@@ -44,9 +44,9 @@ def test_anipose_metadata_round_trips(tmp_path):
     path = tmp_path / "calibration.toml"
     rig = ring(3, "barrel")
     anipose.write(rig, path)
-    found = read_cameras(path)
-    assert_same_cameras(found, rig)
-    assert (found.up_axis, found.notes) == ("z", ())
+    read_rig = read_cameras(path)
+    assert_same_cameras(read_rig, rig)
+    assert (read_rig.up_axis, read_rig.notes) == ("z", ())
     assert read_cameras(path, up="y").up_axis == "y"
 
 

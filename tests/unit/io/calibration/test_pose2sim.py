@@ -10,6 +10,6 @@ def test_pose2sim(tmp_path):
     path = tmp_path / "Calib.toml"
     rig = four_coefficients(ring(4, "barrel"))
     path.write_text(pose2sim_toml(rig))
-    found = read_cameras(path)
-    assert_same_cameras(found, rig)
-    assert (found.up_axis, found.meters_per_unit, found.source) == ("z", 1.0, "Calib.toml")
+    read_rig = read_cameras(path)
+    assert_same_cameras(read_rig, rig)
+    assert (read_rig.up_axis, read_rig.meters_per_unit, read_rig.source) == ("z", 1.0, "Calib.toml")

@@ -19,20 +19,20 @@ def test_qualisys(tmp_path):
     path = tmp_path / "Calib.qca.txt"
     rig = ring(3, "mild")
     path.write_text(qualisys_xml(rig))
-    found = read_cameras(path)
-    assert_same_cameras(found, rig, 1e-9)
-    assert (found.up_axis, found.meters_per_unit) == ("z", 0.001)
+    read_rig = read_cameras(path)
+    assert_same_cameras(read_rig, rig, 1e-9)
+    assert (read_rig.up_axis, read_rig.meters_per_unit) == ("z", 0.001)
 
 
 def test_qualisys_scales_videos_of_lower_resolution(tmp_path):
     """720 of 1080 lines: as if the images of the calibration had been made smaller."""
     path, rig = tmp_path / "x.qca.txt", ring(2)
     path.write_text(qualisys_xml(rig).replace('viewrotation="0"', 'viewrotation="0" video_resolution="720p"'))
-    for found, camera in zip(read_cameras(path).cameras, rig.cameras, strict=True):
-        assert found.size_px == (1280, 720)
+    for actual, camera in zip(read_cameras(path).cameras, rig.cameras, strict=True):
+        assert actual.size_px == (1280, 720)
         points = np.random.default_rng(0).normal((0.0, 0.0, 1.0), 0.3, (20, 3))
         np.testing.assert_allclose(
-            found.project(points)[0], (camera.project(points)[0] + 0.5) * (2.0 / 3.0) - 0.5, atol=1e-9
+            actual.project(points)[0], (camera.project(points)[0] + 0.5) * (2.0 / 3.0) - 0.5, atol=1e-9
         )
     for same in ("1080p", "N/A"):
         path.write_text(qualisys_xml(rig).replace('viewrotation="0"', f'viewrotation="0" video_resolution="{same}"'))
@@ -44,9 +44,9 @@ def test_qualisys_marker_cameras_are_left_out(tmp_path):
     kinds = iter(["Miqus Video", "Miqus M3", "Miqus Hybrid"])
     text = re.sub('model="none"', lambda _: f'model="{next(kinds)}"', qualisys_xml(ring(3)))
     path.write_text(text)
-    found = read_cameras(path)
-    assert found.names == ("cam_0", "cam_2")
-    assert found.notes == ("x.qca.txt: marker cameras are left out: cam_1.",)
+    rig = read_cameras(path)
+    assert rig.names == ("cam_0", "cam_2")
+    assert rig.notes == ("x.qca.txt: marker cameras are left out: cam_1.",)
     path.write_text(re.sub('model="[^"]*"', 'model="Oqus 210c"', text))
     assert len(read_cameras(path)) == 3
 

@@ -26,10 +26,10 @@ UP = {"vicon": "z", "panoptic": "-y", "pose2sim": "z", "qualisys": "z"}
 )
 def test_same_rig_from_every_format(name, lens, tmp_path):
     rig = rig_for(name, lens)
-    found = read_cameras(WRITERS[name](rig, tmp_path / "calibration"))
-    assert found.names == rig.names
-    assert found.up_axis == UP.get(name)
-    for a, b in zip(found.cameras, rig.cameras, strict=True):
+    read_rig = read_cameras(WRITERS[name](rig, tmp_path / "calibration"))
+    assert read_rig.names == rig.names
+    assert read_rig.up_axis == UP.get(name)
+    for a, b in zip(read_rig.cameras, rig.cameras, strict=True):
         np.testing.assert_allclose(a.matrix, b.matrix, rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(a.camera_from_world, b.camera_from_world, atol=1e-9)
         np.testing.assert_allclose(a.distortion, b.distortion, atol=1e-12)
@@ -112,11 +112,11 @@ def read_broken(name: str, folder: Path, cases: int) -> int:
         original = file.read_bytes()
         file.write_bytes(broken(original, rng))
         try:
-            found = read_cameras(path)
+            rig = read_cameras(path)
         except PosefuseError:
             pass
         else:
-            assert all(isinstance(camera, Camera) for camera in found.cameras)
+            assert all(isinstance(camera, Camera) for camera in rig.cameras)
             read += 1
         file.write_bytes(original)
     return read

@@ -36,9 +36,9 @@ def test_calibration_is_written_in_the_format_of_the_original(up, tmp_path):
     rig = replace(four_coefficients(ring(3, "mild")), up_axis="z", notes=("Refined.",), left_out=("cam_9",))
     original = tmp_path / "Calib.toml"
     pose2sim.write(rig, original)
-    said = write_like(replace(rig, up_axis=up), tmp_path / "refined.toml", original)
+    messages = write_like(replace(rig, up_axis=up), tmp_path / "refined.toml", original)
     again = read_cameras(tmp_path / "refined.toml")
-    assert ("in the format pose2sim" in said) is (up == "z")
+    assert ("in the format pose2sim" in messages) is (up == "z")
     assert find_format(tmp_path / "refined.toml").name == ("pose2sim" if up == "z" else "anipose")
     assert (again.names, again.notes, again.left_out, again.up_axis) == (rig.names, rig.notes, rig.left_out, up)
     assert_same_cameras(again, rig)
@@ -47,9 +47,9 @@ def test_calibration_is_written_in_the_format_of_the_original(up, tmp_path):
 def test_unsupported_lenses_are_written_as_anipose(tmp_path):
     pose2sim.write(replace(ring(2), up_axis="z"), tmp_path / "a.toml")
     fish = replace(ring(2, "fisheye"), up_axis="z")
-    said = write_like(fish, tmp_path / "b.toml", tmp_path / "a.toml")
-    assert "anipose" in said
-    assert "k1 k2 p1 p2" in said
+    messages = write_like(fish, tmp_path / "b.toml", tmp_path / "a.toml")
+    assert "anipose" in messages
+    assert "k1 k2 p1 p2" in messages
 
 
 def test_name_with_a_wrong_ending_is_an_error(tmp_path):

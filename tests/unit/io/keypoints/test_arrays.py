@@ -29,10 +29,10 @@ class TestArrays:
 
     def test_two_channels(self, pixels, tmp_path):
         np.save(tmp_path / "points.npy", pixels)
-        found = read_detections(tmp_path / "points.npy")
-        assert found.skeleton.name == "halpe_26"
-        np.testing.assert_array_equal(found.dense()[0], np.moveaxis(pixels, 0, 1))
-        assert found.view_names == ("0", "1", "2")
+        detections = read_detections(tmp_path / "points.npy")
+        assert detections.skeleton.name == "halpe_26"
+        np.testing.assert_array_equal(detections.dense()[0], np.moveaxis(pixels, 0, 1))
+        assert detections.view_names == ("0", "1", "2")
 
     @pytest.mark.parametrize("meaning", ["confidence", "depth"])
     def test_third_channel_needs_a_meaning(self, meaning, pixels, tmp_path):
@@ -41,18 +41,18 @@ class TestArrays:
         np.save(path, np.concatenate([pixels, third[..., None]], axis=-1))
         with pytest.raises(DetectionsError, match="--third-channel confidence or --third-channel depth"):
             read_detections(path)
-        found = read_keypoints(path, Request(third_channel=meaning))
-        values = found.confidence if meaning == "confidence" else found.depth
-        np.testing.assert_array_equal(np.asarray(values).reshape(found.n_frames, 3, 26), np.moveaxis(third, 0, 1))
-        assert (found.depth is None) == (meaning == "confidence")
+        detections = read_keypoints(path, Request(third_channel=meaning))
+        values = detections.confidence if meaning == "confidence" else detections.depth
+        np.testing.assert_array_equal(np.asarray(values).reshape(detections.n_frames, 3, 26), np.moveaxis(third, 0, 1))
+        assert (detections.depth is None) == (meaning == "confidence")
 
     def test_npz_with_names_rate_and_confidence(self, pixels, tmp_path):
         path = tmp_path / "points.npz"
         np.savez(path, keypoints=pixels, names=["a", "b", "c"], rate_hz=25.0, confidence=np.full(pixels.shape[:3], 0.5))
-        found = read_detections(path)
-        assert found.view_names == ("a", "b", "c")
-        assert found.rate_hz == 25.0
-        assert (np.asarray(found.confidence) == 0.5).all()
+        detections = read_detections(path)
+        assert detections.view_names == ("a", "b", "c")
+        assert detections.rate_hz == 25.0
+        assert (np.asarray(detections.confidence) == 0.5).all()
 
     @pytest.mark.parametrize(
         ("extra", "words"),
@@ -71,9 +71,9 @@ class TestArrays:
         spoilt = pixels.copy()
         spoilt[0, 1, 2] = spoilt[1, 0, 4] = 0.0
         np.save(tmp_path / "k.npy", spoilt)
-        found = read_detections(tmp_path / "k.npy")
-        assert np.isnan(found.dense()[0][1, 0, 2]).all()
-        assert "2 keypoints at exactly (0, 0)" in found.notes[-1]
+        detections = read_detections(tmp_path / "k.npy")
+        assert np.isnan(detections.dense()[0][1, 0, 2]).all()
+        assert "2 keypoints at exactly (0, 0)" in detections.notes[-1]
 
     def test_skeleton_of_another_size_is_refused(self, pixels, tmp_path):
         np.save(tmp_path / "k.npy", pixels)
@@ -127,8 +127,8 @@ class TestArraysOfOneRig:
             "names": np.array(rig.names), "size": np.array([c.size_px for c in rig.cameras]),
         }  # fmt: skip
         np.savez(tmp_path / "fly.npz", **content)
-        found = read_cameras(tmp_path / "fly.npz", length_unit="m")
-        for a, b in zip(found.cameras, rig.cameras, strict=True):
+        read_rig = read_cameras(tmp_path / "fly.npz", length_unit="m")
+        for a, b in zip(read_rig.cameras, rig.cameras, strict=True):
             assert (a.name, a.size_px) == (b.name, b.size_px)
             np.testing.assert_allclose(a.camera_from_world, b.camera_from_world, atol=1e-12)
         fly = read_detections(tmp_path / "fly.npz")
@@ -139,9 +139,9 @@ class TestArraysOfOneRig:
 
     def test_points_without_a_skeleton(self, tmp_path):
         np.save(tmp_path / "p2d.npy", np.array([[[1.0, 2], [3, 4]], [[np.nan, np.nan], [5, 6]]]))
-        found = read_detections(tmp_path / "p2d.npy")
-        assert found.skeleton.keypoints == ("point",)
-        np.testing.assert_array_equal(found.dense()[0][:, 0, 0], [[1, 2], [3, 4]])
+        detections = read_detections(tmp_path / "p2d.npy")
+        assert detections.skeleton.keypoints == ("point",)
+        np.testing.assert_array_equal(detections.dense()[0][:, 0, 0], [[1, 2], [3, 4]])
 
     def test_decompression_bomb_is_refused(self, tmp_path, monkeypatch):
         """The limit is lowered, so that megabytes of zeros stand for gigabytes."""

@@ -65,9 +65,9 @@ def test_object_ids_are_track_ids(objects, tmp_path):
         for k in range(9)
     ]
     write(tmp_path / "xy_POSE.csv", rows, header)
-    found = posefuse.read_detections(tmp_path)
-    assert (found.people_counts == len(set(objects))).all()
-    assert set(np.asarray(found.track_ids).tolist()) == ({0, 1} if len(set(objects)) == 2 else {-1})
+    detections = posefuse.read_detections(tmp_path)
+    assert (detections.people_counts == len(set(objects))).all()
+    assert set(np.asarray(detections.track_ids).tolist()) == ({0, 1} if len(set(objects)) == 2 else {-1})
     np.testing.assert_array_equal(
-        np.asarray(found.keypoints_px)[-1, :9, 0], 100 * (len(set(objects)) - 1) + np.arange(9)
+        np.asarray(detections.keypoints_px)[-1, :9, 0], 100 * (len(set(objects)) - 1) + np.arange(9)
     )

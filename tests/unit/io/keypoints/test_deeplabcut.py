@@ -31,14 +31,14 @@ def values(rng):
 def test_deeplabcut_survives_a_round_trip(tmp_path, values):
     for name, shift in (("A", 0.0), ("B", 5.0), ("C", 9.0)):
         write_deeplabcut(tmp_path / f"trial_1_Cam-{name}_resnet.csv", values + np.array([shift, 0.0, 0.0]))
-    found = posefuse.read_detections(tmp_path)
-    assert found.view_names == ("Cam-A", "Cam-B", "Cam-C")
-    assert found.skeleton.keypoints == PARTS
-    assert found.skeleton.pairs == (("ear_L", "ear_R"),)
-    assert found.n_frames == 7
-    pixels = np.asarray(found.keypoints_px).reshape(7, 3, 4, 2)
+    detections = posefuse.read_detections(tmp_path)
+    assert detections.view_names == ("Cam-A", "Cam-B", "Cam-C")
+    assert detections.skeleton.keypoints == PARTS
+    assert detections.skeleton.pairs == (("ear_L", "ear_R"),)
+    assert detections.n_frames == 7
+    pixels = np.asarray(detections.keypoints_px).reshape(7, 3, 4, 2)
     np.testing.assert_array_equal(pixels[:, 1], values[..., :2] + np.array([5.0, 0.0]))
-    np.testing.assert_array_equal(np.asarray(found.confidence).reshape(7, 3, 4)[:, 2], values[..., 2])
+    np.testing.assert_array_equal(np.asarray(detections.confidence).reshape(7, 3, 4)[:, 2], values[..., 2])
 
 
 def test_truncated_deeplabcut_file_is_reported_with_its_line(tmp_path, values):

@@ -20,16 +20,16 @@ class TestDetectionTables:
     def test_tables_of_other_programs_with_frames_in_any_order(self, tmp_path):
         self.table(tmp_path / "a.parquet", [3, 1], [2, 0], timestamp_ns=[2_000_000_000, 1_000_000_000])
         self.table(tmp_path / "b.parquet", [1, 2], [1, 1], timestamp_ns=[1_100_000_000, 1_600_000_000])
-        found = read_detections(tmp_path, "coco_17")
-        assert found.people_counts.tolist() == [[0, 1], [0, 1], [2, 0]]
-        assert found.recorded.tolist() == [[True, True], [False, True], [True, False]]
-        np.testing.assert_allclose(found.time_s, [[1.0, 1.1], [np.nan, 1.6], [2.0, np.nan]])
-        assert found.keypoints_px[:][:, 0, 0].tolist() == [1.0, 2.0, 3.0, 3.0]
+        detections = read_detections(tmp_path, "coco_17")
+        assert detections.people_counts.tolist() == [[0, 1], [0, 1], [2, 0]]
+        assert detections.recorded.tolist() == [[True, True], [False, True], [True, False]]
+        np.testing.assert_allclose(detections.time_s, [[1.0, 1.1], [np.nan, 1.6], [2.0, np.nan]])
+        assert detections.keypoints_px[:][:, 0, 0].tolist() == [1.0, 2.0, 3.0, 3.0]
 
     def test_one_table_of_all_cameras(self, tmp_path):
         self.table(tmp_path / "all.parquet", [1, 1, 2], [1, 2, 1], camera=["b", "a", "b"])
-        found = read_detections(tmp_path / "all.parquet", "coco_17")
-        assert found.people_counts[:, found.view_names.index("a")].tolist() == [2, 0]
+        detections = read_detections(tmp_path / "all.parquet", "coco_17")
+        assert detections.people_counts[:, detections.view_names.index("a")].tolist() == [2, 0]
 
     def test_folders_of_parts(self, tmp_path):
         for camera in "ab":
@@ -45,8 +45,8 @@ class TestDetectionTables:
             read_detections(tmp_path, "coco_17")
 
     def test_names_do_not_leave_the_folder(self, tmp_path):
-        given = example_detections()
-        hostile = given.views(["left"])
+        detections = example_detections()
+        hostile = detections.views(["left"])
         object.__setattr__(hostile, "view_names", ("../outside",))
         for write in (detection_tables.write, openpose.write):
             with pytest.raises(FileError, match="is not a valid file name"):

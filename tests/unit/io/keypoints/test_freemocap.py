@@ -23,11 +23,11 @@ class TestFreeMoCap:
 
     def test_third_channel_is_depth_and_views_are_videos(self, tmp_path):
         array = self.recording(tmp_path)
-        found = read_detections(tmp_path)
-        assert found.skeleton.name == "mediapipe_holistic_553"
-        assert found.view_names == ("a_0", "B_1")
-        np.testing.assert_array_equal(np.asarray(found.depth)[0], array[0, 0, :, 2])
-        assert np.isnan(found.confidence).all()
+        detections = read_detections(tmp_path)
+        assert detections.skeleton.name == "mediapipe_holistic_553"
+        assert detections.view_names == ("a_0", "B_1")
+        np.testing.assert_array_equal(np.asarray(detections.depth)[0], array[0, 0, :, 2])
+        assert np.isnan(detections.confidence).all()
 
     def test_without_videos_views_have_no_names(self, tmp_path):
         self.recording(tmp_path, videos=0)
@@ -50,9 +50,9 @@ def test_third_channel_depends_on_the_tracker(tracker, third, field, tmp_path):
     content[..., 2] = np.where(np.isnan(content[..., 0]), np.nan, third)
     array.unlink()
     np.save(array.with_name(array.name.replace("mediapipe_", tracker)), content)
-    found = read_detections(tmp_path, "body_25")
+    detections = read_detections(tmp_path, "body_25")
     for name in ("depth", "confidence"):
-        values = getattr(found, name)
+        values = getattr(detections, name)
         assert bool(values is not None and np.isfinite(values).any()) is (name == field)
 
 

@@ -16,10 +16,10 @@ class TestLandmarks:
         (tmp_path / "a.json").write_text(json.dumps([{"pose_landmarks": landmarks}, {"pose_landmarks": None}]))
         with pytest.raises(FileError, match="--image-size"):
             read_detections(tmp_path)
-        found = read_keypoints(tmp_path, Request(image_size_px=(1000, 600)))
-        assert found.keypoints_px[0, 0].tolist() == [500.0, 150.0]
-        assert found.depth[0, 0] == -100.0
-        assert found.people_counts.tolist() == [[1], [0]]
+        detections = read_keypoints(tmp_path, Request(image_size_px=(1000, 600)))
+        assert detections.keypoints_px[0, 0].tolist() == [500.0, 150.0]
+        assert detections.depth[0, 0] == -100.0
+        assert detections.people_counts.tolist() == [[1], [0]]
 
     @pytest.mark.parametrize(("mesh", "skeleton"), [(468, "mediapipe_holistic_543"), (478, "mediapipe_holistic_553")])
     def test_hands_and_face_have_the_order_of_the_skeleton(self, tmp_path, mesh, skeleton):
@@ -31,8 +31,8 @@ class TestLandmarks:
             "left_hand_landmarks": points(21, 300.0), "right_hand_landmarks": points(21, 400.0),
         }  # fmt: skip
         (tmp_path / "a.json").write_text(json.dumps({"fps": 25, "frames": [frame]}))
-        found = read_detections(tmp_path)
-        assert found.skeleton.name == skeleton
-        assert found.rate_hz == 25.0
+        detections = read_detections(tmp_path)
+        assert detections.skeleton.name == skeleton
+        assert detections.rate_hz == 25.0
         for name, x in {"nose": 100.0, "left_hand_root": 300.0, "right_thumb_4": 400.0}.items():
-            assert found.keypoints_px[0, found.skeleton.index(name), 0] == x
+            assert detections.keypoints_px[0, detections.skeleton.index(name), 0] == x

@@ -30,9 +30,9 @@ def test_left_and_right_are_inferred_from_names(left, right):
 
 def test_trials_in_one_folder_are_separate_recordings(tmp_path):
     predictions(tmp_path, "fly_{trial}_Cam-{camera}_net.csv", trials=("1", "2"))
-    found = [item.path.name for item in find_recording(tmp_path).keypoints]
-    assert found == ["fly_1_Cam-*_net.csv", "fly_2_Cam-*_net.csv"]
-    detections = read_detections(tmp_path / found[1])
+    recording = [item.path.name for item in find_recording(tmp_path).keypoints]
+    assert recording == ["fly_1_Cam-*_net.csv", "fly_2_Cam-*_net.csv"]
+    detections = read_detections(tmp_path / recording[1])
     assert detections.view_names == ("Cam-A", "Cam-B")
     with pytest.raises(FileError, match=r"Choose one of the recordings:\s+--keypoints '.*fly_1_Cam-\*_net.csv'"):
         read_detections(tmp_path)

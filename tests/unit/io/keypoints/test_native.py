@@ -22,10 +22,10 @@ class TestNative:
     def test_round_trip_reads_on_demand(self, tmp_path, rng):
         crowd = ragged_detections(rng)
         native.write(crowd, tmp_path / "keypoints.nc")
-        found = read_detections(tmp_path / "keypoints.nc")
-        assert isinstance(found.keypoints_px, StoredArray)
-        assert found == crowd
-        np.testing.assert_array_equal(found.frames(2, 4).keypoints_px, crowd.frames(2, 4).keypoints_px)
+        detections = read_detections(tmp_path / "keypoints.nc")
+        assert isinstance(detections.keypoints_px, StoredArray)
+        assert detections == crowd
+        np.testing.assert_array_equal(detections.frames(2, 4).keypoints_px, crowd.frames(2, 4).keypoints_px)
 
     def test_same_input_gives_the_same_bytes(self, tmp_path, rng):
         crowd = ragged_detections(rng)

@@ -23,21 +23,21 @@ def walk() -> Detections:
 
 class TestOpenPose:
     def test_written_detections_are_read(self, walk, tmp_path):
-        found = read_detections(write_openpose(tmp_path, walk))
-        assert found.skeleton.name == "body_25"
-        assert found.view_names == ("cam_0_json", "cam_1_json", "cam_2_json")
-        for mine, theirs in zip(found.dense(), walk.dense(), strict=True):
-            np.testing.assert_array_equal(mine, theirs)
-        assert found.rate_hz is None
-        assert np.isnan(found.time_s).all()
+        detections = read_detections(write_openpose(tmp_path, walk))
+        assert detections.skeleton.name == "body_25"
+        assert detections.view_names == ("cam_0_json", "cam_1_json", "cam_2_json")
+        for first, second in zip(detections.dense(), walk.dense(), strict=True):
+            np.testing.assert_array_equal(first, second)
+        assert detections.rate_hz is None
+        assert np.isnan(detections.time_s).all()
 
     def test_any_number_of_people(self, tmp_path, rng):
         crowd = replace(ragged_detections(rng, keypoints=17), skeleton=find_skeleton("coco_17"), depth=None)
-        found = read_detections(write_openpose(tmp_path, crowd, suffix=""), "coco_17")
-        np.testing.assert_array_equal(found.people_counts, crowd.people_counts)
-        np.testing.assert_array_equal(found.keypoints_px, crowd.keypoints_px)
-        np.testing.assert_array_equal(found.track_ids, crowd.track_ids)
-        assert found.frame_numbers.tolist() == crowd.frame_numbers.tolist()
+        detections = read_detections(write_openpose(tmp_path, crowd, suffix=""), "coco_17")
+        np.testing.assert_array_equal(detections.people_counts, crowd.people_counts)
+        np.testing.assert_array_equal(detections.keypoints_px, crowd.keypoints_px)
+        np.testing.assert_array_equal(detections.track_ids, crowd.track_ids)
+        assert detections.frame_numbers.tolist() == crowd.frame_numbers.tolist()
 
     def test_result_folders_are_not_cameras(self, walk, tmp_path):
         write_openpose(tmp_path, walk)
@@ -50,10 +50,10 @@ class TestOpenPose:
     def test_frames_missing_in_one_view(self, walk, tmp_path):
         write_openpose(tmp_path, walk)
         (tmp_path / "cam_1_json" / "cam_1_000000000004_keypoints.json").unlink()
-        found = read_detections(tmp_path)
-        assert not found.recorded[4, 1]
-        assert found.recorded.sum() == found.recorded.size - 1
-        assert np.isnan(found.with_rate(30).time_s[4, 1])
+        detections = read_detections(tmp_path)
+        assert not detections.recorded[4, 1]
+        assert detections.recorded.sum() == detections.recorded.size - 1
+        assert np.isnan(detections.with_rate(30).time_s[4, 1])
 
     def test_empty_person_makes_the_list_index_the_identity(self, walk, tmp_path):
         folder = tmp_path / "cam"
@@ -61,14 +61,14 @@ class TestOpenPose:
         for f in range(6):
             person = openpose_person(walk, f * 3)
             write_openpose_frame(folder / f"cam.{f:04d}.json", [{}, person] if f != 2 else [person, {}])
-        found = read_detections(tmp_path)
-        assert found.people_counts.ravel().tolist() == [1] * 6
-        assert found.track_ids.tolist() == [1, 1, 0, 1, 1, 1]
+        detections = read_detections(tmp_path)
+        assert detections.people_counts.ravel().tolist() == [1] * 6
+        assert detections.track_ids.tolist() == [1, 1, 0, 1, 1, 1]
 
     def test_single_camera(self, walk, tmp_path):
         write_openpose(tmp_path, walk)
-        found = read_detections(tmp_path / "cam_1_json")
-        assert found.view_names == ("cam_1_json",)
+        detections = read_detections(tmp_path / "cam_1_json")
+        assert detections.view_names == ("cam_1_json",)
 
     def test_nan_in_a_file_is_missing(self, walk, tmp_path):
         write_openpose(tmp_path, walk)
@@ -76,21 +76,21 @@ class TestOpenPose:
         person = openpose_person(walk, 4 * 3 + 1)
         person["pose_keypoints_2d"][3] = float("nan")
         path.write_text(json.dumps({"people": [person]}))
-        found = read_detections(tmp_path)
-        assert np.isnan(found.dense()[0][4, 1, 1, 0])
+        detections = read_detections(tmp_path)
+        assert np.isnan(detections.dense()[0][4, 1, 1, 0])
 
     def test_body_25_and_body_25b_are_distinguished(self, tmp_path):
         other = simulate(SceneOptions(skeleton="body_25b", duration_s=0.5, cameras=3)).detections
-        found = read_detections(write_openpose(tmp_path, other))
-        assert found.skeleton.name == "body_25b"
-        assert "not as body_25" in found.notes[0]
+        detections = read_detections(write_openpose(tmp_path, other))
+        assert detections.skeleton.name == "body_25b"
+        assert "not as body_25" in detections.notes[0]
 
     def test_settings_of_pose2sim_are_used(self, walk, tmp_path):
         (tmp_path / "Config.toml").write_text('[project]\nframe_rate = 50\n[pose]\npose_model = "BODY_25"\n')
-        found = read_detections(write_openpose(tmp_path / "pose", walk))
-        assert found.rate_hz == 50
-        assert found.skeleton.name == "body_25"
-        assert found.notes == ("Frame rate 50 Hz read from Config.toml.",)
+        detections = read_detections(write_openpose(tmp_path / "pose", walk))
+        assert detections.rate_hz == 50
+        assert detections.skeleton.name == "body_25"
+        assert detections.notes == ("Frame rate 50 Hz read from Config.toml.",)
 
     @pytest.mark.parametrize(
         ("content", "words"),
@@ -155,8 +155,8 @@ class TestOpenPose:
             write_openpose_frame(tmp_path / "cam" / f"{f}.json", [])
         with pytest.raises(FileError, match="no person was detected in any view"):
             read_detections(tmp_path)
-        found = read_detections(tmp_path, "coco_17")
-        assert found.people_counts.sum() == 0
+        detections = read_detections(tmp_path, "coco_17")
+        assert detections.people_counts.sum() == 0
 
     def test_unknown_number_of_keypoints(self, tmp_path):
         (tmp_path / "cam").mkdir()

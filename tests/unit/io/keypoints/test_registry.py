@@ -23,24 +23,24 @@ NAMELESS = ("payload_arrays", "mediapipe_json", "mediapipe_wide", "mediapipe_lon
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_every_format_gives_the_same_detections(name, tmp_path):
-    given = example_detections(1 if name in ONE else 2, body=SKELETONS.get(name))
-    found = read_detections(WRITERS[name](given, tmp_path / "keypoints"), given.skeleton)
-    assert found.view_names == given.view_names
-    np.testing.assert_array_equal(found.frame_numbers, given.frame_numbers)
-    np.testing.assert_array_equal(found.recorded, given.recorded)
-    np.testing.assert_array_equal(found.offsets, given.offsets)
-    np.testing.assert_allclose(found.keypoints_px, given.keypoints_px, rtol=1e-12)
-    tracks = np.full_like(given.track_ids, -1) if name in NAMELESS else given.track_ids
-    np.testing.assert_array_equal(found.track_ids, tracks)
-    confidence = np.asarray(given.confidence)
+    original = example_detections(1 if name in ONE else 2, body=SKELETONS.get(name))
+    detections = read_detections(WRITERS[name](original, tmp_path / "keypoints"), original.skeleton)
+    assert detections.view_names == original.view_names
+    np.testing.assert_array_equal(detections.frame_numbers, original.frame_numbers)
+    np.testing.assert_array_equal(detections.recorded, original.recorded)
+    np.testing.assert_array_equal(detections.offsets, original.offsets)
+    np.testing.assert_allclose(detections.keypoints_px, original.keypoints_px, rtol=1e-12)
+    tracks = np.full_like(original.track_ids, -1) if name in NAMELESS else original.track_ids
+    np.testing.assert_array_equal(detections.track_ids, tracks)
+    confidence = np.asarray(original.confidence)
     if name in NO_CONFIDENCE:
         confidence = np.where(np.isnan(confidence), np.nan, 1.0)
-    np.testing.assert_allclose(found.confidence, confidence, rtol=1e-12)
+    np.testing.assert_allclose(detections.confidence, confidence, rtol=1e-12)
 
 
 def test_frame_numbers_of_the_file_are_kept(tmp_path):
-    given = example_detections()
-    folder = keypoint_files.mmpose(given, tmp_path)
+    detections = example_detections()
+    folder = keypoint_files.mmpose(detections, tmp_path)
     for file in folder.glob("*.json"):
         content = json.loads(file.read_text())
         for frame in content["instance_info"]:
@@ -50,21 +50,21 @@ def test_frame_numbers_of_the_file_are_kept(tmp_path):
 
 
 def test_ignored_hands_are_reported(tmp_path):
-    given = example_detections()
-    folder = keypoint_files.openpose(given, tmp_path)
-    assert not any("are not read" in note for note in read_detections(folder, given.skeleton).notes)
+    detections = example_detections()
+    folder = keypoint_files.openpose(detections, tmp_path)
+    assert not any("are not read" in note for note in read_detections(folder, detections.skeleton).notes)
     for file in folder.rglob("*.json"):
         content = json.loads(file.read_text())
         for person in content["people"]:
             person["hand_left_keypoints_2d"] = [1.0, 2.0, 0.5] * 21
         file.write_text(json.dumps(content))
-    assert any("are not read" in note for note in read_detections(folder, given.skeleton).notes)
+    assert any("are not read" in note for note in read_detections(folder, detections.skeleton).notes)
 
 
 def test_annotations_name_their_keypoints_and_bones(tmp_path):
-    found = read_detections(keypoint_files.coco_annotations(example_detections(), tmp_path))
-    assert found.skeleton.keypoints == shipped_skeleton("coco_17").keypoints
-    assert found.skeleton.edges == shipped_skeleton("coco_17").edges
+    detections = read_detections(keypoint_files.coco_annotations(example_detections(), tmp_path))
+    assert detections.skeleton.keypoints == shipped_skeleton("coco_17").keypoints
+    assert detections.skeleton.edges == shipped_skeleton("coco_17").edges
 
 
 EKS = ("x", "y", "likelihood", "x_ens_median", "x_ens_var", "y_ens_var", "x_posterior_var", "y_posterior_var")
@@ -82,11 +82,11 @@ def test_variances_give_the_noise_of_each_detection(tmp_path):
         tmp_path / "a.csv",
         [[0, 1, 2, 0.9, 1, 4, 4, 1, 9], [1, 3, 4, 0.8, 1, 4, 4, "", ""], [2, 3, 4, 0.8, 1, 4, 4, 0, 0]],
     )
-    found = read_detections(tmp_path)
-    np.testing.assert_array_equal(np.asarray(found.keypoints_px)[0, 0], [1.0, 2.0])
-    np.testing.assert_allclose(np.asarray(found.sigma_px)[:, 0], [5.0**0.5, np.nan, np.nan])
-    assert "x_ens_median" in found.notes[0]
-    assert "posterior" not in found.notes[0]
+    detections = read_detections(tmp_path)
+    np.testing.assert_array_equal(np.asarray(detections.keypoints_px)[0, 0], [1.0, 2.0])
+    np.testing.assert_allclose(np.asarray(detections.sigma_px)[:, 0], [5.0**0.5, np.nan, np.nan])
+    assert "x_ens_median" in detections.notes[0]
+    assert "posterior" not in detections.notes[0]
 
 
 def test_ensemble_variances_are_used_without_posterior_variances(tmp_path):
@@ -132,8 +132,8 @@ def test_people_of_different_lengths_are_an_error(tmp_path):
 
 def read_broken(name: str, folder, cases: int) -> int:
     """Read broken recordings of a format and return how many were still readable."""
-    given = example_detections(1 if name in ONE else 2, body=SKELETONS.get(name))
-    path = WRITERS[name](given, folder)
+    detections = example_detections(1 if name in ONE else 2, body=SKELETONS.get(name))
+    path = WRITERS[name](detections, folder)
     files = sorted(file for file in folder.rglob("*") if file.is_file())
     rng = np.random.default_rng(len(name))
     read = 0
@@ -143,11 +143,11 @@ def read_broken(name: str, folder, cases: int) -> int:
         file.write_bytes(broken(original, rng))
         try:
             # What stays in its file is read here, too.
-            pixels = np.asarray(read_detections(path, given.skeleton).keypoints_px[:])
+            pixels = np.asarray(read_detections(path, detections.skeleton).keypoints_px[:])
         except PosefuseError:
             pass
         else:
-            assert pixels.shape[1:] == (len(given.skeleton), 2)
+            assert pixels.shape[1:] == (len(detections.skeleton), 2)
             read += 1
         file.write_bytes(original)
     return read
@@ -184,34 +184,34 @@ def damage(kind: str, content: bytes) -> bytes:
 @pytest.mark.parametrize("kind", ["empty", "zeros", "half"])
 @pytest.mark.parametrize("name", A_FILE_A_CAMERA)
 def test_damaged_file_of_one_camera_is_an_error_that_names_it(name, kind, tmp_path):
-    given = example_detections(1 if name in ONE else 2, body=SKELETONS.get(name))
-    path = WRITERS[name](given, tmp_path / "keypoints")
+    detections = example_detections(1 if name in ONE else 2, body=SKELETONS.get(name))
+    path = WRITERS[name](detections, tmp_path / "keypoints")
     for file in sorted(file for file in path.rglob("*") if file.is_file()):
         whole = file.read_bytes()
         file.write_bytes(damage(kind, whole))
         with pytest.raises(FileError) as error:
-            read_detections(path, given.skeleton)
+            read_detections(path, detections.skeleton)
         assert file.name in str(error.value)
         file.write_bytes(whole)
 
 
 @pytest.mark.parametrize("name", ["alphapose", "coco_results", "rtmlib"])
 def test_camera_without_people_is_kept(name, tmp_path):
-    given = example_detections()
-    path = WRITERS[name](given, tmp_path / "keypoints")
+    original = example_detections()
+    path = WRITERS[name](original, tmp_path / "keypoints")
     next(file for file in path.rglob("*.json") if "right" in str(file)).write_text("[]")
-    found = read_detections(path, given.skeleton)
-    assert found.view_names == ("left", "right")
-    assert found.people_counts[:, 1].tolist() == [0] * 6
+    detections = read_detections(path, original.skeleton)
+    assert detections.view_names == ("left", "right")
+    assert detections.people_counts[:, 1].tolist() == [0] * 6
 
 
 @pytest.mark.parametrize("name", ["alphapose", "coco_results", "mmpose", "payload_arrays", "mediapipe_json"])
 def test_other_files_in_the_folder_are_ignored(name, tmp_path):
-    given = example_detections(body=SKELETONS.get(name))
-    path = WRITERS[name](given, tmp_path / "keypoints")
+    detections = example_detections(body=SKELETONS.get(name))
+    path = WRITERS[name](detections, tmp_path / "keypoints")
     (path / "settings.json").write_text('{"model": "large", "loss": NaN}')
     (path / "._left.json").write_bytes(b"\0\5\x16\7")
-    assert read_detections(path, given.skeleton).view_names == given.view_names
+    assert read_detections(path, detections.skeleton).view_names == detections.view_names
 
 
 @pytest.mark.parametrize("name", ["openpose", "easymocap"])
@@ -225,10 +225,10 @@ def test_first_frame_of_a_camera_that_is_damaged_is_named(name, tmp_path):
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_every_format_is_found_in_a_folder(name, tmp_path):
-    given = example_detections(1, body=SKELETONS.get(name))
-    WRITERS[name](given, tmp_path / "recording" / "keypoints")
-    (found,) = find_recording(tmp_path / "recording").keypoints
-    assert read_detections(found.path, given.skeleton).view_names == given.view_names
+    original = example_detections(1, body=SKELETONS.get(name))
+    WRITERS[name](original, tmp_path / "recording" / "keypoints")
+    (recording,) = find_recording(tmp_path / "recording").keypoints
+    assert read_detections(recording.path, original.skeleton).view_names == original.view_names
 
 
 @pytest.mark.parametrize(

@@ -23,10 +23,10 @@ class TestRecords:
             for name, several in times.items()
             for ms in several
         ]
-        found = read_detections(self.lines(tmp_path, *records))
-        assert found.skeleton.name == "coco_wholebody_133"
-        assert found.recorded.tolist() == [[True, True], [True, True], [False, True], [True, False]]
-        np.testing.assert_allclose(found.time_s[:, 0], [0.0, 0.04, np.nan, 0.121], atol=1e-9)
+        detections = read_detections(self.lines(tmp_path, *records))
+        assert detections.skeleton.name == "coco_wholebody_133"
+        assert detections.recorded.tolist() == [[True, True], [True, True], [False, True], [True, False]]
+        np.testing.assert_allclose(detections.time_s[:, 0], [0.0, 0.04, np.nan, 0.121], atol=1e-9)
 
     @pytest.mark.parametrize(
         ("record", "words"),

@@ -30,13 +30,13 @@ def test_sleap_survives_a_round_trip_with_tracks(tmp_path, rng):
     for camera in ("top", "side"):
         (tmp_path / camera).mkdir()
         write_sleap(tmp_path / camera / "mouse.analysis.h5", pixels, scores)
-    found = posefuse.read_detections(tmp_path)
-    assert found.view_names == ("side", "top")
-    assert found.skeleton.edges == (("nose", "ear_L"), ("nose", "ear_R"), ("nose", "tail"))
-    np.testing.assert_array_equal(found.people_counts, [[2, 2]] * 3 + [[1, 1]] * 3)
-    np.testing.assert_array_equal(np.asarray(found.keypoints_px)[1], pixels[1, 0])
-    np.testing.assert_array_equal(np.asarray(found.confidence)[1], scores[1, 0])
-    assert set(np.asarray(found.track_ids).tolist()) == {0, 1}
+    detections = posefuse.read_detections(tmp_path)
+    assert detections.view_names == ("side", "top")
+    assert detections.skeleton.edges == (("nose", "ear_L"), ("nose", "ear_R"), ("nose", "tail"))
+    np.testing.assert_array_equal(detections.people_counts, [[2, 2]] * 3 + [[1, 1]] * 3)
+    np.testing.assert_array_equal(np.asarray(detections.keypoints_px)[1], pixels[1, 0])
+    np.testing.assert_array_equal(np.asarray(detections.confidence)[1], scores[1, 0])
+    assert set(np.asarray(detections.track_ids).tolist()) == {0, 1}
 
 
 def test_truncated_file_of_one_camera_is_an_error(tmp_path, rng):

@@ -14,7 +14,7 @@ def test_manual_instance_replaces_the_prediction_that_it_corrects(tmp_path):
     hand.from_predicted = guess
     frame = sleap_io.LabeledFrame(video=video, frame_idx=2, instances=[guess, hand])
     sleap_io.save_file(sleap_io.Labels([frame]), tmp_path / "x.slp", verbose=False)
-    found = read_detections(tmp_path / "x.slp")
-    np.testing.assert_array_equal(found.keypoints_px[:], [[[5, 6], [7, 8]]])
-    assert np.isnan(found.confidence[:]).all()
-    assert found.skeleton.edges == (("a", "b"),)
+    detections = read_detections(tmp_path / "x.slp")
+    np.testing.assert_array_equal(detections.keypoints_px[:], [[[5, 6], [7, 8]]])
+    assert np.isnan(detections.confidence[:]).all()
+    assert detections.skeleton.edges == (("a", "b"),)

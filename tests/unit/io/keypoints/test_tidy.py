@@ -23,22 +23,22 @@ class TestTidy:
         file = tidy_file(
             tmp_path, "b,7,0.5,0,3,paw,10,20,0.5", "b,7,0.5,0,3,nose,,,", "a,7,0.48,,,,,,", "b,8,0.6,,,,,,"
         )
-        found = read_detections(file)
-        assert found.view_names == ("a", "b")
-        assert found.skeleton.keypoints == ("paw", "nose")
-        assert found.recorded.tolist() == [[True, True], [False, True]]
-        assert found.people_counts.tolist() == [[0, 1], [0, 0]]
-        np.testing.assert_array_equal(found.time_s, [[0.48, 0.5], [np.nan, 0.6]])
-        np.testing.assert_array_equal(found.keypoints_px[:], [[[10, 20], [np.nan, np.nan]]])
-        assert found.track_ids[:].tolist() == [3]
-        assert found.rate_hz == pytest.approx(10.0)
+        detections = read_detections(file)
+        assert detections.view_names == ("a", "b")
+        assert detections.skeleton.keypoints == ("paw", "nose")
+        assert detections.recorded.tolist() == [[True, True], [False, True]]
+        assert detections.people_counts.tolist() == [[0, 1], [0, 0]]
+        np.testing.assert_array_equal(detections.time_s, [[0.48, 0.5], [np.nan, 0.6]])
+        np.testing.assert_array_equal(detections.keypoints_px[:], [[[10, 20], [np.nan, np.nan]]])
+        assert detections.track_ids[:].tolist() == [3]
+        assert detections.rate_hz == pytest.approx(10.0)
 
     def test_five_columns_are_enough(self, tmp_path):
         file = tidy_file(tmp_path, "1,0,nose,5,6", "2,0,nose,7,8", header="camera,frame,keypoint,x_px,y_px")
-        found = read_detections(file)
-        assert found.view_names == ("1", "2")
-        assert np.isnan(found.confidence[:]).all()
-        assert found.rate_hz is None
+        detections = read_detections(file)
+        assert detections.view_names == ("1", "2")
+        assert np.isnan(detections.confidence[:]).all()
+        assert detections.rate_hz is None
 
     @pytest.mark.parametrize(
         ("row", "words"),
@@ -62,19 +62,19 @@ class TestTidy:
             read_detections(tidy_file(tmp_path, "a,7,0,0,,nose,inf,2,1"))
 
     def test_parquet_is_read_on_demand(self, tmp_path):
-        given = example_detections()
-        tidy.write(given, tmp_path / "k.parquet")
-        found = read_detections(tmp_path / "k.parquet")
-        assert not isinstance(found.keypoints_px, np.ndarray)
-        np.testing.assert_array_equal(found.confidence[[3, 0]], np.asarray(given.confidence)[[3, 0]])
-        np.testing.assert_array_equal(found.track_ids[-1], given.track_ids[-1])
+        original = example_detections()
+        tidy.write(original, tmp_path / "k.parquet")
+        detections = read_detections(tmp_path / "k.parquet")
+        assert not isinstance(detections.keypoints_px, np.ndarray)
+        np.testing.assert_array_equal(detections.confidence[[3, 0]], np.asarray(original.confidence)[[3, 0]])
+        np.testing.assert_array_equal(detections.track_ids[-1], original.track_ids[-1])
         with pytest.raises(IndexError):
-            found.keypoints_px[10_000]
+            detections.keypoints_px[10_000]
 
     def test_reordered_rows_are_read(self, tmp_path):
-        given = example_detections()
-        tidy.write(given, tmp_path / "k.parquet")
+        original = example_detections()
+        tidy.write(original, tmp_path / "k.parquet")
         table = pq.read_table(tmp_path / "k.parquet")
         pq.write_table(table.sort_by("x_px"), tmp_path / "sorted.parquet")
-        found = read_detections(tmp_path / "sorted.parquet")
-        np.testing.assert_array_equal(found.keypoints_px[:], given.keypoints_px)
+        detections = read_detections(tmp_path / "sorted.parquet")
+        np.testing.assert_array_equal(detections.keypoints_px[:], original.keypoints_px)

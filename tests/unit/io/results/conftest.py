@@ -9,7 +9,7 @@ from posefuse.model.options.options import Options
 from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.pipeline.reconstruct import reconstruct
-from tests.people import crowd, followed
+from tests.people import simulate_walkers, track_perfectly
 from tests.properties.test_result_files import some_result
 from tests.scenes import body_points, ring, simulate_detections
 
@@ -28,12 +28,12 @@ def frame_result(rng) -> Reconstruction:
 
 @pytest.fixture(scope="module")
 def crowd_scene():
-    return crowd()
+    return simulate_walkers()
 
 
 @pytest.fixture(scope="module")
 def crowd_result(crowd_scene) -> Reconstruction:
-    return followed(crowd_scene)
+    return track_perfectly(crowd_scene)
 
 
 @pytest.fixture(scope="module")
@@ -44,10 +44,10 @@ def layered_result() -> Reconstruction:
     detections = simulate_detections(rig, body_points(rng, 9), rng, rate_hz=60.0)
     keypoints = np.array(detections.keypoints_px)
     keypoints[3 * 4 : 3 * 4 + 4, 5] = np.nan
-    found = reconstruct(rig, replace(detections, keypoints_px=keypoints), Options(solve="frame"))
-    measured = found.layers["measured"]
+    result = reconstruct(rig, replace(detections, keypoints_px=keypoints), Options(solve="frame"))
+    measured = result.layers["measured"]
     solved = replace(measured, points_m=np.asarray(measured.points_m) + 0.01)
-    return replace(found, layers={"measured": measured, "solved": solved})
+    return replace(result, layers={"measured": measured, "solved": solved})
 
 
 @pytest.fixture(scope="module")

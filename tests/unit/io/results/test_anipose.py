@@ -39,7 +39,7 @@ class TestAnipose:
         header += ",".join([*(f"M_{i}{j}" for i in range(3) for j in range(3)), "center_0,center_1,center_2", "fnum"])
         rest = "1,0,0,0,1,0,0,0,1,0,0,0"
         (tmp_path / "fly.csv").write_text(f"{header}\n1,2,3,0.5,2.0,0.9,{rest},0\n,,,,,,{rest},1\n")
-        found = posefuse.read_points(tmp_path / "fly.csv")
-        assert (found.keypoints, found.person_ids, found.unit, found.layer) == (("a_b",), ("fly",), "", "")
-        np.testing.assert_array_equal(found.points_m[:, 0, 0], [[1, 2, 3], [np.nan] * 3])
-        np.testing.assert_array_equal(found.n_views, [[[2]], [[0]]])
+        points = posefuse.read_points(tmp_path / "fly.csv")
+        assert (points.keypoints, points.person_ids, points.unit, points.layer) == (("a_b",), ("fly",), "", "")
+        np.testing.assert_array_equal(points.points_m[:, 0, 0], [[1, 2, 3], [np.nan] * 3])
+        np.testing.assert_array_equal(points.n_views, [[[2]], [[0]]])

@@ -27,25 +27,25 @@ def result(request):
 class TestBvh:
     def test_independent_reader_finds_the_points(self, result, tmp_path):
         assert bvh.write(result, "person_1", tmp_path / "a.bvh") == []
-        found = Bvh(tmp_path / "a.bvh")
-        keypoints, joints = joints_of(result, found.names)
+        actual = Bvh(tmp_path / "a.bvh")
+        keypoints, joints = joints_of(result, actual.names)
         assert len(keypoints) == np.isfinite(result.layers["model"].points_m[0, 0, :, 0]).sum()
-        assert (found.frames, found.step_s) == (result.n_frames, 1.0 / RATE_HZ)
+        assert (actual.frames, actual.step_s) == (result.n_frames, 1.0 / RATE_HZ)
         np.testing.assert_allclose(
-            0.01 * found.places()[:, joints], points_in_file_axes(result)[:, keypoints], atol=BVH_M
+            0.01 * actual.places()[:, joints], points_in_file_axes(result)[:, keypoints], atol=BVH_M
         )
-        assert len(set(found.names)) == len(found.names)
-        assert found.offsets[0] == [0.0, 0.0, 0.0]
+        assert len(set(actual.names)) == len(actual.names)
+        assert actual.offsets[0] == [0.0, 0.0, 0.0]
 
     def test_every_branch_has_an_end_site(self, result, tmp_path):
         bvh.write(result, "person_1", tmp_path / "a.bvh")
-        found = Bvh(tmp_path / "a.bvh")
-        assert len(found.ends) == len(set(range(len(found.names))) - set(found.parents))
+        actual = Bvh(tmp_path / "a.bvh")
+        assert len(actual.ends) == len(set(range(len(actual.names))) - set(actual.parents))
 
     def test_rest_pose_stands_facing_z_with_arms_out(self, tmp_path):
         bvh.write(posed("body_20"), "person_1", tmp_path / "a.bvh")
-        found = Bvh(tmp_path / "a.bvh")
-        rest = dict(zip(found.names, found.places(np.zeros((1, found.rows.shape[1])))[0], strict=True))
+        actual = Bvh(tmp_path / "a.bvh")
+        rest = dict(zip(actual.names, actual.places(np.zeros((1, actual.rows.shape[1])))[0], strict=True))
         arm = rest["left_wrist"] - rest["left_shoulder"]
         assert arm[0] > 30.0
         np.testing.assert_allclose(arm[1:], 0.0, atol=1e-4)
@@ -57,9 +57,9 @@ class TestBvh:
         result = posed("body_20", people=2)
         for p, person in enumerate(result.person_ids):
             bvh.write(result, person, tmp_path / "a.bvh")
-            found = Bvh(tmp_path / "a.bvh")
+            actual = Bvh(tmp_path / "a.bvh")
             shin = result.poses.shape_m[p, result.poses.shape_names.index("left_ankle")]
-            np.testing.assert_allclose(found.offsets[found.names.index("left_ankle")], [0, -100 * shin, 0], atol=1e-6)
+            np.testing.assert_allclose(actual.offsets[actual.names.index("left_ankle")], [0, -100 * shin, 0], atol=1e-6)
 
     @given(st.sampled_from(UP_AXES), st.integers(0, 2**32 - 1))
     @examples(8)
@@ -68,10 +68,10 @@ class TestBvh:
         result = replace(result, rig=replace(result.rig, up_axis=up))
         path = tmp_path_factory.mktemp("bvh") / "a.bvh"
         bvh.write(result, "person_1", path)
-        found = Bvh(path)
-        keypoints, joints = joints_of(result, found.names)
+        actual = Bvh(path)
+        keypoints, joints = joints_of(result, actual.names)
         np.testing.assert_allclose(
-            0.01 * found.places()[:, joints], points_in_file_axes(result)[:, keypoints], atol=BVH_M
+            0.01 * actual.places()[:, joints], points_in_file_axes(result)[:, keypoints], atol=BVH_M
         )
 
     def test_absence_holds_the_last_pose_with_a_note(self, tmp_path):
@@ -81,11 +81,11 @@ class TestBvh:
             "person_1: the first frame of the BVH is frame 103 of the recording.",
             "person_1 is absent in frames 110 to 113: BVH cannot leave out frames, so the last pose is held.",
         ]
-        found = Bvh(tmp_path / "a.bvh")
-        keypoints, joints = joints_of(result, found.names)
+        actual = Bvh(tmp_path / "a.bvh")
+        keypoints, joints = joints_of(result, actual.names)
         truth = points_in_file_axes(result)[3:28, keypoints]
         truth[7:11] = truth[6]
-        np.testing.assert_allclose(0.01 * found.places()[:, joints], truth, atol=BVH_M)
+        np.testing.assert_allclose(0.01 * actual.places()[:, joints], truth, atol=BVH_M)
 
     def test_result_is_independent_of_frame_ranges(self, tmp_path):
         result = posed("mediapipe_holistic_543", 20, away=(slice(9, 13),))
@@ -126,14 +126,14 @@ class TestBvh:
         )
         (note,) = bvh.write(lost, "person_1", tmp_path / "a.bvh")
         assert "hands or face are not tracked in all frames" in note
-        found = Bvh(tmp_path / "a.bvh")
-        keypoints, joints = joints_of(lost, found.names)
-        there = np.isfinite(points_in_file_axes(lost)[:, keypoints])
+        actual = Bvh(tmp_path / "a.bvh")
+        keypoints, joints = joints_of(lost, actual.names)
+        present = np.isfinite(points_in_file_axes(lost)[:, keypoints])
         np.testing.assert_allclose(
-            (0.01 * found.places()[:, joints])[there], points_in_file_axes(lost)[:, keypoints][there], atol=BVH_M
+            (0.01 * actual.places()[:, joints])[present], points_in_file_axes(lost)[:, keypoints][present], atol=BVH_M
         )
-        fore, tip = (found.names.index(name) for name in ("left_elbow", "left_index_finger_4"))
-        reach = np.linalg.norm(found.places()[:, tip] - found.places()[:, fore], axis=1)
+        fore, tip = (actual.names.index(name) for name in ("left_elbow", "left_index_finger_4"))
+        reach = np.linalg.norm(actual.places()[:, tip] - actual.places()[:, fore], axis=1)
         np.testing.assert_allclose(reach[12:20], reach[11], atol=1e-4)
 
     def test_varying_bone_lengths_give_a_note(self, tmp_path):

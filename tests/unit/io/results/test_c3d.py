@@ -25,18 +25,18 @@ def by_c3d(path):
 class TestC3d:
     def test_ezc3d_reads_the_file(self, frame_result, tmp_path):
         posefuse.write(frame_result, tmp_path / "person.c3d")
-        found = ezc3d.c3d(str(tmp_path / "person.c3d"))
-        point = found["parameters"]["POINT"]
+        actual = ezc3d.c3d(str(tmp_path / "person.c3d"))
+        point = actual["parameters"]["POINT"]
         assert point["UNITS"]["value"] == ["mm"]
         assert point["RATE"]["value"][0] == 60.0
         assert tuple(point["LABELS"]["value"]) == frame_result.skeleton.keypoints
         assert (point["X_SCREEN"]["value"], point["Y_SCREEN"]["value"]) == (["+X"], ["+Z"])
-        assert found["parameters"]["POSEFUSE"]["LAYER"]["value"] == ["measured"]
-        assert found["parameters"]["POSEFUSE"]["VIEWS"]["value"] == list(frame_result.rig.names)
+        assert actual["parameters"]["POSEFUSE"]["LAYER"]["value"] == ["measured"]
+        assert actual["parameters"]["POSEFUSE"]["VIEWS"]["value"] == list(frame_result.rig.names)
         layer = frame_result.layers["measured"]
         expected = 1000.0 * np.moveaxis(layer.points_m[:, 0], 0, -1).transpose(1, 0, 2)
-        np.testing.assert_allclose(found["data"]["points"][:3], expected, atol=1e-3)
-        missing = np.isnan(found["data"]["points"][0])
+        np.testing.assert_allclose(actual["data"]["points"][:3], expected, atol=1e-3)
+        missing = np.isnan(actual["data"]["points"][0])
         assert missing[5, 3]
         assert missing.sum() == 1
 
@@ -49,8 +49,8 @@ class TestC3d:
         residuals, cameras = frames[..., 3], frames[..., 4]
         assert residuals[3, 5] == -1
         assert (residuals >= 0).sum() == residuals.size - 1
-        known = 1000.0 * np.sqrt((layer.sd_m[:, 0] ** 2).mean(axis=-1))
-        np.testing.assert_allclose(residuals[known > 0], known[known > 0], atol=0.052)
+        reference = 1000.0 * np.sqrt((layer.sd_m[:, 0] ** 2).mean(axis=-1))
+        np.testing.assert_allclose(residuals[reference > 0], reference[reference > 0], atol=0.052)
         assert (cameras[2, 7], cameras[0, 0]) == (0b1100, 0b1111)
 
     def test_uncertain_points_are_not_missing(self, frame_result, tmp_path):
@@ -67,8 +67,8 @@ class TestC3d:
         many = reconstruct(rig, simulate_detections(rig, body_points(rng, 3), rng), Options(solve="frame"))
         posefuse.write(many, tmp_path / "person.c3d")
         assert not by_c3d(tmp_path / "person.c3d")[..., 4].any()
-        found = ezc3d.c3d(str(tmp_path / "person.c3d"))
-        np.testing.assert_allclose(found["parameters"]["POSEFUSE"]["MEAN_VIEWS"]["value"], 9.0)
+        actual = ezc3d.c3d(str(tmp_path / "person.c3d"))
+        np.testing.assert_allclose(actual["parameters"]["POSEFUSE"]["MEAN_VIEWS"]["value"], 9.0)
 
     def test_many_keypoints(self, rng, tmp_path):
         rig = ring(3)

@@ -66,14 +66,14 @@ def test_integers_and_floats_of_any_processor(processor, scale, tmp_path):
     words = np.full((4, 2), 6.0 + 256 * 0b0000101)
     words[2, 1] = -1.0
     path = write_by_hand(tmp_path / "x.c3d", points, words, processor, scale, analog=3)
-    found = c3d_reading.read(path)
+    actual = c3d_reading.read(path)
     expected = np.where((words < 0)[..., None], np.nan, points * 0.001)
-    np.testing.assert_allclose(found.points, expected, rtol=1e-6)
-    np.testing.assert_allclose(found.residual, np.where(words < 0, -1.0, 3.0))
-    seen = np.zeros((4, 2, 7), dtype=bool)
-    seen[words > 0] = [True, False, True, False, False, False, False]
-    np.testing.assert_array_equal(found.cameras, seen)
-    assert (found.names, found.first, found.rate_hz, found.unit, found.up) == (("a", "b"), 10, 50.0, "m", "z")
+    np.testing.assert_allclose(actual.points, expected, rtol=1e-6)
+    np.testing.assert_allclose(actual.residual, np.where(words < 0, -1.0, 3.0))
+    visible = np.zeros((4, 2, 7), dtype=bool)
+    visible[words > 0] = [True, False, True, False, False, False, False]
+    np.testing.assert_array_equal(actual.cameras, visible)
+    assert (actual.names, actual.first, actual.rate_hz, actual.unit, actual.up) == (("a", "b"), 10, 50.0, "m", "z")
 
 
 def test_ezc3d_cannot_read_mips_files(tmp_path):

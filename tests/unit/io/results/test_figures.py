@@ -66,6 +66,6 @@ def test_helper_kinematics_of_the_rest_pose_match_hand_computed_values(tmp_path)
     skeleton = posed("body_20").skeleton
     tree = skeleton.tree
     turns = np.tile(np.eye(3), (1, len(tree.segments), 1, 1))
-    found = places(skeleton, np.array([[0.0, 0.0, 1.0]]), turns, tree.rest[None], tree.shape_m)[0]
-    np.testing.assert_allclose(found[skeleton.index("left_ankle")], [0.0, 0.10, 1.0 - 0.43 - 0.41], atol=1e-12)
-    np.testing.assert_allclose(found[skeleton.index("right_wrist")], [0.0, -0.175, 1.48 - 0.29 - 0.26], atol=1e-12)
+    actual = places(skeleton, np.array([[0.0, 0.0, 1.0]]), turns, tree.rest[None], tree.shape_m)[0]
+    np.testing.assert_allclose(actual[skeleton.index("left_ankle")], [0.0, 0.10, 1.0 - 0.43 - 0.41], atol=1e-12)
+    np.testing.assert_allclose(actual[skeleton.index("right_wrist")], [0.0, -0.175, 1.48 - 0.29 - 0.26], atol=1e-12)

@@ -20,8 +20,8 @@ from tests.unit.io.results.test_registry import solved
 class TestFreeMoCap:
     def test_names_and_shapes(self, tmp_path):
         skeleton = posefuse.find_skeleton("mediapipe_holistic_553")
-        given = _holistic(skeleton)
-        posefuse.write(given, tmp_path / "recording", "freemocap")
+        original = _holistic(skeleton)
+        posefuse.write(original, tmp_path / "recording", "freemocap")
         folder = tmp_path / "recording" / "output_data"
         data = "mediapipe_3dData_{}numFrames_numTrackedPoints_{}.npy"
         shapes = {
@@ -36,7 +36,7 @@ class TestFreeMoCap:
         }
         arrays = {name: np.load(folder / name) for name in shapes}
         assert {name: array.shape for name, array in arrays.items()} == shapes
-        points = 1000.0 * np.asarray(given.layers["measured"].points_m)[:, 0]
+        points = 1000.0 * np.asarray(original.layers["measured"].points_m)[:, 0]
         np.testing.assert_allclose(arrays["mediapipe_skeleton_3d.npy"], points, rtol=1e-15)
         cut = [arrays[f"mediapipe_{part}_3d_xyz.npy"] for part in ("body", "right_hand", "left_hand", "face")]
         np.testing.assert_array_equal(np.concatenate(cut, axis=1), arrays["mediapipe_skeleton_3d.npy"])
@@ -57,12 +57,12 @@ class TestFreeMoCap:
             np.testing.assert_array_equal(arrays["coco_17_skeleton_3d"], 1000.0 * solved(layered_result)[:, 0])
 
     def test_freemocap_recording_is_not_overwritten(self, layered_result, tmp_path):
-        theirs = tmp_path / "recording" / "output_data" / "mediapipe_skeleton_3d.npy"
-        theirs.parent.mkdir(parents=True)
-        theirs.write_bytes(b"theirs")
+        second = tmp_path / "recording" / "output_data" / "mediapipe_skeleton_3d.npy"
+        second.parent.mkdir(parents=True)
+        second.write_bytes(b"theirs")
         with pytest.raises(FileError, match="already contains other files"):
             posefuse.write(layered_result, tmp_path / "recording", "freemocap")
-        assert theirs.read_bytes() == b"theirs"
+        assert second.read_bytes() == b"theirs"
 
     def test_single_camera_result_is_refused(self, tmp_path):
         rng = np.random.default_rng(0)

@@ -25,38 +25,38 @@ class TestGltf:
     def test_independent_reader_finds_the_points(self, end, result, tmp_path):
         path = tmp_path / f"a.{end}"
         assert gltf.write(result, "person_1", path) == []
-        found = Gltf(path)
-        keypoints, joints = joints_of(result, found.names)
+        actual = Gltf(path)
+        keypoints, joints = joints_of(result, actual.names)
         seconds = result.time_s - result.time_s[0]
-        worlds = found.worlds(seconds)[..., :3, 3][:, joints]
+        worlds = actual.worlds(seconds)[..., :3, 3][:, joints]
         np.testing.assert_allclose(worlds, points_in_file_axes(result)[:, keypoints], atol=GLTF_M)
 
     def test_skin_is_bound_in_the_rest_pose(self, result, tmp_path):
         gltf.write(result, "person_1", tmp_path / "a.glb")
-        found = Gltf(tmp_path / "a.glb")
-        inverse = found.numbers(found.skin.inverseBindMatrices).reshape(-1, 4, 4).transpose(0, 2, 1)
-        rest = found.worlds(None)[0]
-        assert found.skin.joints == list(range(len(inverse)))
+        actual = Gltf(tmp_path / "a.glb")
+        inverse = actual.numbers(actual.skin.inverseBindMatrices).reshape(-1, 4, 4).transpose(0, 2, 1)
+        rest = actual.worlds(None)[0]
+        assert actual.skin.joints == list(range(len(inverse)))
         np.testing.assert_allclose(
-            inverse @ rest[found.skin.joints], np.tile(np.eye(4), (len(inverse), 1, 1)), atol=1e-6
+            inverse @ rest[actual.skin.joints], np.tile(np.eye(4), (len(inverse), 1, 1)), atol=1e-6
         )
-        lowest = rest[found.skin.joints, 1, 3].min()
+        lowest = rest[actual.skin.joints, 1, 3].min()
         assert lowest == pytest.approx(0.0, abs=1e-6)
 
     def test_mesh_moves_with_its_joints(self, result, tmp_path):
         gltf.write(result, "person_1", tmp_path / "a.glb")
-        found = Gltf(tmp_path / "a.glb")
-        for primitive in found.file.meshes[0].primitives:
+        actual = Gltf(tmp_path / "a.glb")
+        for primitive in actual.file.meshes[0].primitives:
             parts = primitive.attributes
             corners, normals, joints, weights = (
-                found.numbers(each) for each in (parts.POSITION, parts.NORMAL, parts.JOINTS_0, parts.WEIGHTS_0)
+                actual.numbers(each) for each in (parts.POSITION, parts.NORMAL, parts.JOINTS_0, parts.WEIGHTS_0)
             )
-            low = found.file.accessors[parts.POSITION].min
+            low = actual.file.accessors[parts.POSITION].min
             np.testing.assert_allclose(corners.min(axis=0), low, atol=1e-7)
             np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-5)
             assert (weights == [1, 0, 0, 0]).all()
-            assert joints.max() < len(found.skin.joints)
-            triangle = corners.astype(float)[found.numbers(primitive.indices)[:, 0]].reshape(-1, 3, 3)
+            assert joints.max() < len(actual.skin.joints)
+            triangle = corners.astype(float)[actual.numbers(primitive.indices)[:, 0]].reshape(-1, 3, 3)
             across = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
             assert (np.einsum("ti,ti->t", across, normals[::3]) > 0).all()
             # Sticks are closed and seen from outside: their volume is positive.
@@ -68,20 +68,20 @@ class TestGltf:
         assert note == (
             "person_1 is absent in frames 110 to 113: the glTF has no keys there, and the skeleton is scaled to zero."
         )
-        found = Gltf(tmp_path / "a.glb")
-        seconds, scales, kind = found.channel(0, "scale")
+        actual = Gltf(tmp_path / "a.glb")
+        seconds, scales, kind = actual.channel(0, "scale")
         np.testing.assert_allclose(seconds * RATE_HZ, [0, 3, 10, 14, 28], atol=1e-5)
         np.testing.assert_array_equal(scales[:, 0], [0, 1, 0, 1, 0])
         assert kind == "STEP"
-        keys = found.channel(0, "translation")[0]
+        keys = actual.channel(0, "translation")[0]
         present = np.isfinite(result.layers["model"].points_m[:, 0, 0, 0])
         np.testing.assert_allclose(keys, np.flatnonzero(present) / RATE_HZ, atol=1e-6)
 
     def test_consecutive_quaternions_are_in_one_hemisphere(self, tmp_path):
         gltf.write(posed("body_20", 300, seed=5), "person_1", tmp_path / "a.glb")
-        found = Gltf(tmp_path / "a.glb")
-        for node in range(len(found.names)):
-            if (turn := found.channel(node, "rotation")) is not None:
+        actual = Gltf(tmp_path / "a.glb")
+        for node in range(len(actual.names)):
+            if (turn := actual.channel(node, "rotation")) is not None:
                 assert (np.einsum("fi,fi->f", turn[1][1:], turn[1][:-1]) > 0.0).all()
 
     def test_binary_layout_follows_the_specification(self, tmp_path):

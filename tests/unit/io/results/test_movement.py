@@ -38,8 +38,8 @@ class TestMovement:
             data = load_poses.from_anipose_file(tmp_path / "anipose.csv", fps=60.0)
         axis = "keypoint" if "keypoint" in data.dims else "keypoints"
         for k, name in enumerate(layered_result.skeleton.keypoints):
-            found = data["position"].sel({axis: name}).squeeze().values
-            np.testing.assert_array_equal(found, solved(layered_result)[:, 0, k])
+            actual = data["position"].sel({axis: name}).squeeze().values
+            np.testing.assert_array_equal(actual, solved(layered_result)[:, 0, k])
 
     def test_file_of_an_older_version_is_read(self, tmp_path):
         points = np.random.default_rng(0).normal(size=(4, 3, 2, 1))
@@ -49,16 +49,21 @@ class TestMovement:
             {"position": (axes, points)}, names, {"ds_type": "poses", "time_unit": "seconds", "fps": 30.0}
         )
         data.to_netcdf(tmp_path / "x.nc", engine="h5netcdf")
-        found = posefuse.read_points(tmp_path / "x.nc")
-        assert (found.keypoints, found.person_ids, found.rate_hz, found.status) == (("a", "b"), ("id_0",), 30.0, None)
-        np.testing.assert_array_equal(found.points_m[:, 0], points[..., 0].transpose(0, 2, 1))
+        actual = posefuse.read_points(tmp_path / "x.nc")
+        assert (actual.keypoints, actual.person_ids, actual.rate_hz, actual.status) == (
+            ("a", "b"),
+            ("id_0",),
+            30.0,
+            None,
+        )
+        np.testing.assert_array_equal(actual.points_m[:, 0], points[..., 0].transpose(0, 2, 1))
 
     def test_unknown_times(self, pair_result, tmp_path):
         unknown = replace(pair_result, time_s=np.full(6, np.nan), rate_hz=None)
         posefuse.write(unknown, tmp_path / "movement.nc")
-        found = posefuse.read_points(tmp_path / "movement.nc")
-        assert (found.rate_hz, np.isnan(found.time_s).all()) == (None, True)
-        np.testing.assert_array_equal(found.frame_numbers, pair_result.frame_numbers)
+        points = posefuse.read_points(tmp_path / "movement.nc")
+        assert (points.rate_hz, np.isnan(points.time_s).all()) == (None, True)
+        np.testing.assert_array_equal(points.frame_numbers, pair_result.frame_numbers)
 
 
 def test_cyclic_heap_is_refused(pair_result, tmp_path):

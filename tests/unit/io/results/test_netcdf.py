@@ -24,10 +24,10 @@ class TestNetcdf:
     def test_round_trip_reads_on_demand(self, frame_result, tmp_path):
         path = tmp_path / "reconstruction.nc"
         posefuse.write(frame_result, path)
-        found = posefuse.read_reconstruction(path)
-        assert isinstance(found.layers["measured"].points_m, StoredArray)
-        assert found == frame_result
-        assert found.frames(2, 5) == frame_result.frames(2, 5)
+        result = posefuse.read_reconstruction(path)
+        assert isinstance(result.layers["measured"].points_m, StoredArray)
+        assert result == frame_result
+        assert result.frames(2, 5) == frame_result.frames(2, 5)
 
     def test_interpolated_views_are_marked(self, frame_result, tmp_path):
         path, (_, second, third, _) = tmp_path / "reconstruction.nc", frame_result.rig.names
@@ -40,9 +40,9 @@ class TestNetcdf:
 
     def test_swaps_round_trip(self, frame_result, tmp_path):
         state = np.random.default_rng(0).integers(-1, 2, (9, 1, 4, 2)).astype(np.int8)
-        told = replace(frame_result, swaps=Swaps(("arm", "leg"), state))
-        netcdf.write(told.chunks(4), tmp_path / "told.nc")
-        assert posefuse.read_reconstruction(tmp_path / "told.nc") == told
+        results = replace(frame_result, swaps=Swaps(("arm", "leg"), state))
+        netcdf.write(results.chunks(4), tmp_path / "told.nc")
+        assert posefuse.read_reconstruction(tmp_path / "told.nc") == results
         believed = replace(frame_result, swaps=None)
         posefuse.write(believed, tmp_path / "believed.nc")
         assert posefuse.read_reconstruction(tmp_path / "believed.nc").swaps is None
@@ -111,10 +111,10 @@ class TestNetcdfOfPeople:
     @pytest.mark.parametrize("size", [9, 17, 1000])
     def test_result_round_trips(self, size, crowd_result, tmp_path):
         netcdf.write(crowd_result.chunks(size), tmp_path / "r.nc")
-        found = posefuse.read_reconstruction(tmp_path / "r.nc")
-        assert found == crowd_result
-        assert isinstance(found.poses.turns, StoredArray)
-        assert found.frames(3, 20) == crowd_result.frames(3, 20)
+        result = posefuse.read_reconstruction(tmp_path / "r.nc")
+        assert result == crowd_result
+        assert isinstance(result.poses.turns, StoredArray)
+        assert result.frames(3, 20) == crowd_result.frames(3, 20)
 
     def test_events_repeated_in_ranges_are_stored_once(self, crowd_result, tmp_path):
         parts = [replace(part, events=crowd_result.events) for part in crowd_result.chunks(10)]
@@ -144,11 +144,11 @@ class TestNetcdfOfPeople:
     @pytest.mark.parametrize("name", ["body_20", "coco_wholebody_133", "h36m_17"])
     def test_kinematic_tree_round_trips(self, name):
         tree = shipped_skeleton(name).tree
-        found = skeleton_from_text(skeleton_text(shipped_skeleton(name))).tree
+        actual = skeleton_from_text(skeleton_text(shipped_skeleton(name))).tree
         for field in fields(tree):
-            mine, theirs = getattr(tree, field.name), getattr(found, field.name)
-            assert same(mine, theirs), field.name
-        assert all(same(mine, theirs) for mine, theirs in zip(tree.packed, found.packed, strict=True))
+            first, second = getattr(tree, field.name), getattr(actual, field.name)
+            assert same(first, second), field.name
+        assert all(same(first, second) for first, second in zip(tree.packed, actual.packed, strict=True))
 
     def test_poses_are_compressed_in_chunks(self, crowd_result, tmp_path):
         netcdf.write(crowd_result.chunks(), tmp_path / "r.nc")

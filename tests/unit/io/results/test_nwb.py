@@ -34,8 +34,8 @@ def file(people, tmp_path_factory) -> Path:
 def test_validator_reports_no_errors(file):
     import pynwb
 
-    found = pynwb.validate(path=str(file))
-    errors = found[0] if isinstance(found, tuple) else found
+    actual = pynwb.validate(path=str(file))
+    errors = actual[0] if isinstance(actual, tuple) else actual
     assert list(errors) == []
 
 
@@ -58,11 +58,11 @@ def test_pynwb_reads_the_written_values(people, file):
         np.testing.assert_array_equal(place["frame_number"].data[:], people.frame_numbers)
         if hasattr(poses, "pose_estimations"):
             camera = poses.pose_estimations["view_a"].device
-            given = people.rig["a"]
-            np.testing.assert_allclose(camera.intrinsic_matrix[:], given.matrix, rtol=1e-7)
-            np.testing.assert_allclose(camera.rotation_matrix[:], given.rotation, atol=1e-7)
-            np.testing.assert_allclose(camera.translation_vector[:], given.translation_m, rtol=1e-6)
-            np.testing.assert_allclose(camera.distortion_coefficients[:], given.distortion, rtol=1e-6)
+            original = people.rig["a"]
+            np.testing.assert_allclose(camera.intrinsic_matrix[:], original.matrix, rtol=1e-7)
+            np.testing.assert_allclose(camera.rotation_matrix[:], original.rotation, atol=1e-7)
+            np.testing.assert_allclose(camera.translation_vector[:], original.translation_m, rtol=1e-6)
+            np.testing.assert_allclose(camera.distortion_coefficients[:], original.distortion, rtol=1e-6)
 
 
 def test_same_result_gives_the_same_bytes(people, file, tmp_path):
@@ -73,14 +73,14 @@ def test_same_result_gives_the_same_bytes(people, file, tmp_path):
 def test_names_of_internal_datasets_are_valid(people, tmp_path):
     for names in (["frame_number", "Skeletons"], ["a", "a_covariance"]):
         keypoints = ("view_a", "view_b", "c", "C")
-        given = replace(
+        original = replace(
             people, person_ids=tuple(names), skeleton=replace(people.skeleton, keypoints=keypoints, edges=())
         )
-        posefuse.write(given, tmp_path / "x.nwb")
-        found = posefuse.read_points(tmp_path / "x.nwb")
-        assert (found.person_ids, found.keypoints) == (tuple(names), keypoints)
-        np.testing.assert_array_equal(found.covariance_m2, given.layers["measured"].covariance_m2)
-        np.testing.assert_array_equal(found.points_m, given.layers["measured"].points_m)
+        posefuse.write(original, tmp_path / "x.nwb")
+        points = posefuse.read_points(tmp_path / "x.nwb")
+        assert (points.person_ids, points.keypoints) == (tuple(names), keypoints)
+        np.testing.assert_array_equal(points.covariance_m2, original.layers["measured"].covariance_m2)
+        np.testing.assert_array_equal(points.points_m, original.layers["measured"].points_m)
 
 
 def test_unrepresentable_results_are_refused(people, tmp_path, monkeypatch):

@@ -18,20 +18,20 @@ class TestOpenPose:
     def test_projections_are_read_back(self, tmp_path):
         result = posed("coco_17", 6, people=2, away=(slice(2, 3),))
         openpose.write(result, tmp_path / "o", "model")
-        found = posefuse.read_detections(tmp_path / "o", "coco_17")
-        assert found.view_names == tuple(f"{name}_json" for name in result.rig.names)
-        np.testing.assert_array_equal(found.frame_numbers, result.frame_numbers)
+        detections = posefuse.read_detections(tmp_path / "o", "coco_17")
+        assert detections.view_names == tuple(f"{name}_json" for name in result.rig.names)
+        np.testing.assert_array_equal(detections.frame_numbers, result.frame_numbers)
         points = np.asarray(result.layers["model"].points_m)
         for f in range(6):
             for v, camera in enumerate(result.rig.cameras):
                 row = f * 3 + v
-                seen = np.asarray(found.keypoints_px[found.offsets[row] : found.offsets[row + 1]])
+                observed = np.asarray(detections.keypoints_px[detections.offsets[row] : detections.offsets[row + 1]])
                 expected, _ = camera.project(points[f])
                 size = np.array(camera.size_px)
                 outside = ~((expected >= -0.5) & (expected <= size - 0.5)).all(axis=-1)
                 expected[outside] = np.nan
                 expected = expected[np.isfinite(expected).any(axis=(1, 2))]
-                np.testing.assert_allclose(seen, expected, atol=5.1e-4)
+                np.testing.assert_allclose(observed, expected, atol=5.1e-4)
 
     def test_points_outside_the_image_are_missing(self, tmp_path):
         result = posed("coco_17", 1)
@@ -62,4 +62,4 @@ class TestOpenPose:
         openpose.write(result, tmp_path / "pose", "model")
         openpose.write(result, tmp_path / "out" / "openpose", "model")
         posefuse.write(result, tmp_path / "out" / "reconstruction.nc")
-        assert [found.path for found in find_recording(tmp_path).keypoints] == [tmp_path / "pose"]
+        assert [actual.path for actual in find_recording(tmp_path).keypoints] == [tmp_path / "pose"]

@@ -52,11 +52,11 @@ class TestOpenSim:
             "person_2.trc", "person_2_ik.xml", "person_2_scaling.xml",
         ]  # fmt: skip
         assert any("the model has no marker for nose" in note for note in notes)
-        found = trc.read(tmp_path / "o" / "person_2.trc")
+        actual = trc.read(tmp_path / "o" / "person_2.trc")
         expected = np.asarray(result.layers["model"].points_m)[:, 1] @ y_up_from_world("z").T
-        np.testing.assert_allclose(found.points_m, expected, atol=5e-7)
+        np.testing.assert_allclose(actual.points_m, expected, atol=5e-7)
         on_model = {e.get("name") for e in ElementTree.parse(tmp_path / "o" / "markers.xml").iter("Marker")}
-        assert on_model <= set(found.names)
+        assert on_model <= set(actual.names)
         assert texts(tmp_path / "o" / "person_1_scaling.xml", "mass") == ["71.5"]
         assert texts(tmp_path / "o" / "person_1_scaling.xml", "time_range") == ["7.000000 7.580000"]
         tasks = {e.get("name") for e in ElementTree.parse(tmp_path / "o" / "person_1_ik.xml").iter("IKMarkerTask")}
@@ -76,9 +76,9 @@ class TestOpenSim:
     def test_unknown_values_give_notes(self, tmp_path):
         result = posed("coco_17")
         result = replace(result, rig=replace(result.rig, up_axis=None))
-        said = " ".join(posefuse.write(result, tmp_path / "o", "opensim").notes)
-        assert "mass of person_1 is unknown (--subject.mass-kg)" in said
-        assert "the up axis is unknown" in said
+        messages = " ".join(posefuse.write(result, tmp_path / "o", "opensim").notes)
+        assert "mass of person_1 is unknown (--subject.mass-kg)" in messages
+        assert "the up axis is unknown" in messages
 
     def test_files_of_other_people_are_kept(self, tmp_path):
         (tmp_path / "thesis.docx").write_text("years of work")

@@ -94,10 +94,10 @@ def test_results_without_people_or_frames(pair_result, tmp_path):
 
 def read_broken(kind: str, folder: Path, cases: int) -> int:
     """Read so many broken files of a format; how many were still read."""
-    given = some_result(3, ["anna"], ["nose", "tail", "left_paw", "right_paw"], ["a"], 3)
+    source = some_result(3, ["anna"], ["nose", "tail", "left_paw", "right_paw"], ["a"], 3)
     form, name = FILES[kind]
     folder.mkdir()
-    path = posefuse.write(given, folder / name, form).files[0]
+    path = posefuse.write(source, folder / name, form).files[0]
     files = sorted(
         file for file in folder.rglob("*") if file.is_file() and (form != "freemocap" or file.suffix != ".csv")
     )
@@ -108,11 +108,11 @@ def read_broken(kind: str, folder: Path, cases: int) -> int:
         original = file.read_bytes()
         file.write_bytes(broken(original, rng))
         try:
-            found = posefuse.read_points(path, form)
+            points = posefuse.read_points(path, form)
         except PosefuseError:
             pass
         else:
-            assert found.points_m.shape == (found.n_frames, len(found.person_ids), len(found.keypoints), 3)
+            assert points.points_m.shape == (points.n_frames, len(points.person_ids), len(points.keypoints), 3)
             read += 1
         file.write_bytes(original)
     return read

@@ -19,6 +19,6 @@ class TestSleap:
         points = np.random.default_rng(0).normal(size=(4, 2, 3, 3))
         with h5py.File(tmp_path / "points3d.h5", "w") as file:
             file["tracks"] = points
-        found = posefuse.read_points(tmp_path / "points3d.h5")
-        assert found.keypoints == ("node_0", "node_1", "node_2")
-        np.testing.assert_array_equal(found.points_m, points)
+        actual = posefuse.read_points(tmp_path / "points3d.h5")
+        assert actual.keypoints == ("node_0", "node_1", "node_2")
+        np.testing.assert_array_equal(actual.points_m, points)

@@ -35,11 +35,11 @@ class TestTrc:
 
     def test_file_is_read_back(self, frame_result, tmp_path):
         posefuse.write(frame_result, tmp_path / "person.trc")
-        found = trc.read(tmp_path / "person.trc")
-        assert found.names == frame_result.skeleton.keypoints
-        assert found.rate_hz == 60.0
+        actual = trc.read(tmp_path / "person.trc")
+        assert actual.names == frame_result.skeleton.keypoints
+        assert actual.rate_hz == 60.0
         expected = frame_result.layers["measured"].points_m[:, 0] @ y_up_from_world("z").T
-        np.testing.assert_allclose(found.points_m, expected, atol=5e-7)
+        np.testing.assert_allclose(actual.points_m, expected, atol=5e-7)
 
     def test_unknown_up_axis_gives_no_rotation(self, frame_result, tmp_path):
         unknown = replace(frame_result, rig=replace(frame_result.rig, up_axis=None))
@@ -51,10 +51,10 @@ class TestTrc:
     def test_missing_frames_are_empty_rows(self, frame_result, tmp_path):
         numbers = np.array([4, 5, 6, 9, 10, 11, 12, 13, 14])
         posefuse.write(replace(frame_result, frame_numbers=numbers), tmp_path / "person.trc")
-        found = trc.read(tmp_path / "person.trc")
-        assert len(found.points_m) == 11
-        assert np.isnan(found.points_m[3:5]).all()
-        np.testing.assert_allclose(np.diff(found.time_s), 1 / 60, atol=2e-6)
+        actual = trc.read(tmp_path / "person.trc")
+        assert len(actual.points_m) == 11
+        assert np.isnan(actual.points_m[3:5]).all()
+        np.testing.assert_allclose(np.diff(actual.time_s), 1 / 60, atol=2e-6)
 
     def test_frame_rate_must_be_known_and_constant(self, frame_result, tmp_path):
         with pytest.raises(ResultError, match=r"needs a frame rate.*detections.with_rate\(60\)"):

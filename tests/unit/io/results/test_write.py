@@ -48,9 +48,9 @@ class TestFolder:
     def test_events(self, crowd_result, folder):
         rows = rows_of(folder / "events.csv")
         assert list(rows[0]) == ["frame", "time_s", "person", "what", "why"]
-        found = tuple(Event(int(r["frame"]), float(r["time_s"]), r["person"], r["what"], r["why"]) for r in rows)
-        assert found == crowd_result.events
-        assert any("," in event.why for event in found)
+        actual = tuple(Event(int(r["frame"]), float(r["time_s"]), r["person"], r["what"], r["why"]) for r in rows)
+        assert actual == crowd_result.events
+        assert any("," in event.why for event in actual)
 
     def test_angles_are_tidy_and_missing_is_empty(self, crowd_result, folder):
         rows = rows_of(folder / "angles.csv")
@@ -67,25 +67,25 @@ class TestFolder:
 
     def test_person_who_leaves_and_returns(self, crowd_result, folder):
         expected = np.asarray(crowd_result.layers["model"].points_m)[:, 3]
-        there = np.isfinite(expected[..., 0])
-        away = ~there.any(axis=1)
+        present = np.isfinite(expected[..., 0])
+        away = ~present.any(axis=1)
         assert 0 < away.sum() < len(away)
         table = trc.read(folder / "person_4.trc")
         np.testing.assert_allclose(table.points_m, expected @ y_up_from_world("z").T, atol=5e-7)
         content = ezc3d.c3d(str(folder / "person_4.c3d"))["data"]
-        np.testing.assert_array_equal(content["meta_points"]["residuals"][0].T < 0, ~there)
+        np.testing.assert_array_equal(content["meta_points"]["residuals"][0].T < 0, ~present)
         with (folder / "person_4.c3d").open("rb") as file, warnings.catch_warnings():
             warnings.simplefilter("ignore")
             frames = [points for _, points, _ in c3d.Reader(file).read_frames()]
         assert all((frames[f][:, 3] == -1).all() for f in np.flatnonzero(away))
-        np.testing.assert_allclose(frames[0][there[0], :3], 1000 * expected[0][there[0]], atol=1e-2)
+        np.testing.assert_allclose(frames[0][present[0], :3], 1000 * expected[0][present[0]], atol=1e-2)
 
 
 def test_names_of_people_do_not_leave_the_folder(tmp_path):
     names = ["../../x", "/etc/x", "a/b"]
-    given = some_result(3, names, ["nose", "tail", "left_paw", "right_paw"], ["a", "b"], 6)
+    original = some_result(3, names, ["nose", "tail", "left_paw", "right_paw"], ["a", "b"], 6)
     (tmp_path / "in" / "out").mkdir(parents=True)
-    files, _ = write_folder(given, tmp_path / "in" / "out")
+    files, _ = write_folder(original, tmp_path / "in" / "out")
     assert [file.name for file in tmp_path.rglob("*") if file.is_file() and file.parent.name != "out"] == []
     assert sorted(files) == sorted(file.name for file in (tmp_path / "in" / "out").iterdir())
     assert {"_.._x.trc", "_etc_x.trc", "a_b.trc", "_.._x.c3d"} <= set(files)

@@ -24,7 +24,7 @@ FAULTS = {"outlier": 0.1, "missing": 0.1}
 CLOSE_M = 1e-3
 
 
-def seen_by(data: Scene, views: list[int]) -> Scene:
+def select_views(data: Scene, views: list[int]) -> Scene:
     """Return the scene as seen by some of the cameras, in that order."""
     rig = data.rig.select([data.rig.names[v] for v in views])
     return replace(
@@ -45,11 +45,11 @@ def cost_gaps(trials: int, seed: int) -> np.ndarray:
     out = []
     for views in (2, 3, 4, 5, 6):
         data = scene(trials, 7, outlier=0.2, missing=0.15, apart_m=0.25, seed=seed + views)
-        data = seen_by(data, list(np.random.default_rng(views).permutation(7)[:views]))
+        data = select_views(data, list(np.random.default_rng(views).permutation(7)[:views]))
         # Without a point every observation costs the bound, except one that may belong to an undetermined point.
-        seen = np.isfinite(data.pixels).all(axis=-1).sum(axis=(1, 2))
+        visible = np.isfinite(data.pixels).all(axis=-1).sum(axis=(1, 2))
         cost = solved(data, enumerated.solve).cost[:, 0]
-        cost = np.where(np.isnan(cost), bound * np.maximum(seen - 1, 0), cost)
+        cost = np.where(np.isnan(cost), bound * np.maximum(visible - 1, 0), cost)
         least = [cheapest(data.rig, pixels, data.sigma_px, FULL, NONE) for pixels in data.pixels]
         out.append(cost - least)
     return np.concatenate(out)
@@ -67,11 +67,11 @@ def test_cost_is_the_exhaustive_minimum_on_two_thousand_cases():
 @pytest.mark.parametrize("cameras", [4, 5, 8, 16])
 def test_errors_are_close_to_the_oracle(cameras):
     data = scene(600, cameras, outlier=0.05, missing=0.05)
-    ours = errors_mm(solved(data, enumerated.solve).points_m[:, 0], data.points_m)
+    actual = errors_mm(solved(data, enumerated.solve).points_m[:, 0], data.points_m)
     best = errors_mm(oracle(data), data.points_m)
-    both = np.isfinite(ours) & np.isfinite(best)
+    both = np.isfinite(actual) & np.isfinite(best)
     assert both.mean() > 0.97
-    assert np.median(ours[both]) < 1.05 * np.median(best[both])
+    assert np.median(actual[both]) < 1.05 * np.median(best[both])
 
 
 def test_swapping_a_views_labels_changes_only_the_order():
@@ -86,7 +86,7 @@ def test_swapping_a_views_labels_changes_only_the_order():
 def test_result_is_independent_of_the_order_of_views():
     data = scene(300, 6, **FAULTS)
     order = [3, 0, 5, 1, 4, 2]
-    one, other = solved(data, enumerated.solve), solved(seen_by(data, order), enumerated.solve)
+    one, other = solved(data, enumerated.solve), solved(select_views(data, order), enumerated.solve)
     np.testing.assert_allclose(one.points_m, other.points_m, atol=CLOSE_M)
     np.testing.assert_array_equal(one.used[:, :, order], other.used)
     np.testing.assert_allclose(one.evidence[:, :, order], other.evidence, atol=0.05)
@@ -200,7 +200,7 @@ def test_no_observations_give_no_point():
 
 
 def test_points_of_two_views_are_ambiguous():
-    result = solved(seen_by(scene(100, 7, swap=0.0), [0, 2]), enumerated.solve)
+    result = solved(select_views(scene(100, 7, swap=0.0), [0, 2]), enumerated.solve)
     has = result.status < PointStatus.NOT_SEEN
     assert has.any()
     assert (result.status[has] == PointStatus.AMBIGUOUS).all()

@@ -20,14 +20,14 @@ VIEWS = 3
 @given(st.integers(1, 5000), st.floats(5.0, 120.0), st.floats(0.5, 100.0), st.floats(0.1, 40.0))
 @examples(100)
 def test_windows_cover_the_recording_and_the_memory_of_tracks(n_frames, rate_hz, window_s, remembered_s):
-    found = tracking_windows(n_frames, rate_hz, window_s, remembered_s)
-    assert [each.start for each in found] == [0, *(each.stop for each in found[:-1])]
-    assert found[-1].stop == n_frames
-    for each in found:
+    actual = tracking_windows(n_frames, rate_hz, window_s, remembered_s)
+    assert [each.start for each in actual] == [0, *(each.stop for each in actual[:-1])]
+    assert actual[-1].stop == n_frames
+    for each in actual:
         assert 0 <= each.first <= each.start < each.stop <= each.last <= n_frames
         assert each.first == 0 or each.start - each.first >= 10.0 * rate_hz
         assert each.last == n_frames or each.last - each.stop >= remembered_s * rate_hz
-        assert len(found) == 1 or abs((each.stop - each.start) * len(found) - n_frames) <= len(found)
+        assert len(actual) == 1 or abs((each.stop - each.start) * len(actual) - n_frames) <= len(actual)
 
 
 def crowd_tracks(seed: int, n_frames: int, people: int) -> Tracks:
@@ -47,21 +47,21 @@ def crowd_tracks(seed: int, n_frames: int, people: int) -> Tracks:
     return Tracks(tuple(f"person_{p + 1}" for p in range(people)), detection, state)
 
 
-def seen_in(tracks: Tracks, window: TrackingWindow, rng: np.random.Generator) -> TrackedWindow:
+def track_window(tracks: Tracks, window: TrackingWindow, rng: np.random.Generator) -> TrackedWindow:
     """What a tracker would have of a window: those who are there, in the order in which they come, by its own names."""
     part = tracks.frames(window.first, window.last)
     state, detection = np.asarray(part.state), np.asarray(part.detection)
-    there = [p for p in range(state.shape[1]) if (state[:, p] != TrackState.ABSENT).any()]
-    there.sort(key=lambda p: (int(np.argmax(state[:, p] != TrackState.ABSENT)), p))
-    detection = np.where(rng.random(detection.shape) < 0.05, -1, detection)[:, there]
-    names = tuple(f"person_{i + 1}" for i in range(len(there)))
-    first = [int(np.argmax(state[:, p] != TrackState.ABSENT)) + window.first for p in there]
+    present = [p for p in range(state.shape[1]) if (state[:, p] != TrackState.ABSENT).any()]
+    present.sort(key=lambda p: (int(np.argmax(state[:, p] != TrackState.ABSENT)), p))
+    detection = np.where(rng.random(detection.shape) < 0.05, -1, detection)[:, present]
+    names = tuple(f"person_{i + 1}" for i in range(len(present)))
+    first = [int(np.argmax(state[:, p] != TrackState.ABSENT)) + window.first for p in present]
     events = tuple(
         Event(number, 0.1 * number, name, "confirmed", f"beside {names[0]}")
         for name, number in zip(names, first, strict=True)
     )
-    lengths = np.array(there, dtype=float)[:, None]
-    return TrackedWindow(window, Tracks(names, detection, state[:, there]), events, SKELETON, lengths, lengths)
+    lengths = np.array(present, dtype=float)[:, None]
+    return TrackedWindow(window, Tracks(names, detection, state[:, present]), events, SKELETON, lengths, lengths)
 
 
 def no_bodies(window: int) -> tuple:
@@ -77,25 +77,25 @@ def test_tracks_cut_at_window_borders_are_stitched(seed, n_frames, people, numbe
         TrackingWindow(max(bounds[i] - 12, 0), bounds[i], bounds[i + 1], min(bounds[i + 1] + 12, n_frames))
         for i in range(number)
     ]
-    found = stitch([seen_in(tracks, each, rng) for each in windows], np.arange(n_frames), no_bodies)
-    assert found.recording_tracks.person_ids == tracks.person_ids
-    np.testing.assert_array_equal(found.recording_tracks.state, tracks.state)
-    where = np.asarray(found.recording_tracks.detection) >= 0
+    actual = stitch([track_window(tracks, each, rng) for each in windows], np.arange(n_frames), no_bodies)
+    assert actual.recording_tracks.person_ids == tracks.person_ids
+    np.testing.assert_array_equal(actual.recording_tracks.state, tracks.state)
+    where = np.asarray(actual.recording_tracks.detection) >= 0
     np.testing.assert_array_equal(
-        np.asarray(found.recording_tracks.detection)[where], np.asarray(tracks.detection)[where]
+        np.asarray(actual.recording_tracks.detection)[where], np.asarray(tracks.detection)[where]
     )
-    born = {event.person: event.number for event in found.events}
+    born = {event.person: event.number for event in actual.events}
     first = np.argmax(np.asarray(tracks.state) != TrackState.ABSENT, axis=0).tolist()
     assert {name: number for name, number in born.items() if number in first} == dict(
         zip(tracks.person_ids, first, strict=True)
     )
-    np.testing.assert_array_equal(found.shape_m[:, 0], np.arange(people))
+    np.testing.assert_array_equal(actual.shape_m[:, 0], np.arange(people))
 
 
 def test_tracks_with_different_detections_are_not_matched(tmp_path: Path):
     tracks = crowd_tracks(1, 60, 1)
-    before = seen_in(tracks, TrackingWindow(0, 0, 30, 40), np.random.default_rng(0))
-    after = seen_in(tracks, TrackingWindow(20, 30, 60, 60), np.random.default_rng(1))
+    before = track_window(tracks, TrackingWindow(0, 0, 30, 40), np.random.default_rng(0))
+    after = track_window(tracks, TrackingWindow(20, 30, 60, 60), np.random.default_rng(1))
     assert same_people(before, after) == {0: 0}
     moved = np.where(np.asarray(after.tracks.detection) >= 0, np.asarray(after.tracks.detection) + 1, -1)
     other = TrackedWindow(

@@ -66,7 +66,7 @@ def unknown() -> RecentHistory:
     return RecentHistory.new(1, VIEWS, SETTINGS.n_groups, KEYPOINTS, movers)
 
 
-def sight_of(state: State) -> ProjectedBodies:
+def project_state(state: State) -> ProjectedBodies:
     return specification._projected(state, SETTINGS)
 
 
@@ -75,9 +75,11 @@ def frame_of(keypoints_px: np.ndarray, confidence: float = 1.0) -> Frame:
     return Frame.of_people(list(keypoints_px[:, None]), [np.full((1, KEYPOINTS), confidence)] * VIEWS, 0.0)
 
 
-def shown(state: State, off_px: float, confidence: float = 1.0, used: bool = True, dt_s: float = 0.04) -> FrameOutcome:
+def outcome_with_offset(
+    state: State, off_px: float, confidence: float = 1.0, used: bool = True, dt_s: float = 0.04
+) -> FrameOutcome:
     """Return the outcome of a frame in which every keypoint has a horizontal offset."""
-    frame = frame_of(sight_of(state).pixels[0] + np.array([off_px, 0.0]), confidence)
+    frame = frame_of(project_state(state).pixels[0] + np.array([off_px, 0.0]), confidence)
     labels = np.tile(np.arange(KEYPOINTS), (1, VIEWS, 1))
     supported = np.full((1, VIEWS), used)
     counted = np.full((1, VIEWS, KEYPOINTS), used)
@@ -100,7 +102,7 @@ def test_noise_follows_the_recursion(off_px: float) -> None:
     keep = math.exp(-dt_s / SEED.noise_memory_s)
     expected = SIGMA_PX**2
     for _ in range(3):
-        STRATEGY.noise.adapt(shown(state, off_px), recent, state, SETTINGS)
+        STRATEGY.noise.adapt(outcome_with_offset(state, off_px), recent, state, SETTINGS)
         most = SEED.max_residual_sigma * SIGMA_PX
         expected = keep * expected + (1 - keep) * (SIGMA_PX**2 + SEED.noise_gain * min(off_px, most) ** 2)
         expected = float(np.clip(expected, (SEED.min_noise * SIGMA_PX) ** 2, (SEED.max_noise * SIGMA_PX) ** 2))
@@ -109,7 +111,7 @@ def test_noise_follows_the_recursion(off_px: float) -> None:
 
 def test_noise_adapts_only_to_used_keypoints() -> None:
     state, recent = standing(), unknown()
-    STRATEGY.noise.adapt(shown(state, 10.0, used=False), recent, state, SETTINGS)
+    STRATEGY.noise.adapt(outcome_with_offset(state, 10.0, used=False), recent, state, SETTINGS)
     assert np.isnan(recent.noise_px2).all()
 
 
@@ -117,7 +119,7 @@ def test_noise_adapts_only_to_used_keypoints() -> None:
 def test_noise_stays_within_its_bounds(confidence: float, off_px: float) -> None:
     state, recent = standing(), unknown()
     for _ in range(3):
-        STRATEGY.noise.adapt(shown(state, off_px, confidence, dt_s=1.0), recent, state, SETTINGS)
+        STRATEGY.noise.adapt(outcome_with_offset(state, off_px, confidence, dt_s=1.0), recent, state, SETTINGS)
     assert recent.noise_px2.min() >= (SEED.min_noise * SIGMA_PX) ** 2 * (1 - 1e-9)
     assert recent.noise_px2.max() <= (SEED.max_noise * SIGMA_PX) ** 2 * (1 + 1e-9)
 
@@ -126,9 +128,9 @@ def test_update_uses_the_adapted_noise() -> None:
     """The variances survive their encoding as confidences."""
     state, recent = standing(), unknown()
     recent.noise_px2[:] = np.random.default_rng(0).uniform(10.0, 400.0, recent.noise_px2.shape)
-    seen = shown(state, 0.0)
+    observed = outcome_with_offset(state, 0.0)
     labels = np.tile(SKELETON.mirror, (1, VIEWS, 1))
-    trust = STRATEGY.noise.update_noise(seen.frame, seen.rows, labels, recent, 0.04, SETTINGS)
+    trust = STRATEGY.noise.update_noise(observed.frame, observed.rows, labels, recent, 0.04, SETTINGS)
     law = trust.law
     body = trust.confidence[:, SKELETON.mirror]
     assert law.floor_m == 0.0
@@ -138,8 +140,8 @@ def test_update_uses_the_adapted_noise() -> None:
 
 def test_keypoints_without_confidence_do_not_count() -> None:
     state, recent = standing(), unknown()
-    seen = shown(state, 0.0, confidence=0.01)
-    trust = STRATEGY.noise.update_noise(seen.frame, seen.rows, seen.labels, recent, 0.04, SETTINGS)
+    observed = outcome_with_offset(state, 0.0, confidence=0.01)
+    trust = STRATEGY.noise.update_noise(observed.frame, observed.rows, observed.labels, recent, 0.04, SETTINGS)
     assert (trust.confidence < trust.law.min_confidence).all()
 
 
@@ -179,7 +181,7 @@ def test_fixed_shape_stays_certain() -> None:
     assert not state.covariance[0, n : n + h].any()
     predict_states(state, 0.04)
     shape = state.shape.copy()
-    evidence = replace(proposal(sight_of(state).points_m[0]), keypoints_px=sight_of(state).pixels[0] + 4.0)
+    evidence = replace(proposal(project_state(state).points_m[0]), keypoints_px=project_state(state).pixels[0] + 4.0)
     update_by_observation(state, evidence, SETTINGS, 2)
     np.testing.assert_array_equal(state.shape, shape)
 
@@ -188,35 +190,38 @@ def test_match_gain_is_the_bonus_minus_squared_residuals() -> None:
     state, recent = standing(), unknown()
     match = STRATEGY.score.match
     near, far = (
-        match(sight_of(state), shown(state, off).frame, recent, STRATEGY.noise, SETTINGS).gain[0] for off in (5.0, 10.0)
+        match(project_state(state), outcome_with_offset(state, off).frame, recent, STRATEGY.noise, SETTINGS).gain[0]
+        for off in (5.0, 10.0)
     )
     np.testing.assert_allclose(near - far, KEYPOINTS * (10.0**2 - 5.0**2) / SIGMA_PX**2, rtol=1e-6)
     recent.detector_ids[:] = 7
-    frame = replace(shown(state, 5.0).frame, track_ids=np.full(VIEWS, 7))
-    known = match(sight_of(state), frame, recent, STRATEGY.noise, SETTINGS).gain[0]
-    np.testing.assert_allclose(known - near, SEED.id_bonus, rtol=1e-6)
+    frame = replace(outcome_with_offset(state, 5.0).frame, track_ids=np.full(VIEWS, 7))
+    reference = match(project_state(state), frame, recent, STRATEGY.noise, SETTINGS).gain[0]
+    np.testing.assert_allclose(reference - near, SEED.id_bonus, rtol=1e-6)
 
 
 def test_detections_beyond_the_gate_do_not_match() -> None:
     state = standing()
     off = 1.01 * SIGMA_PX * math.sqrt(SEED.match_gate)
-    found = STRATEGY.score.match(sight_of(state), shown(state, off).frame, unknown(), STRATEGY.noise, SETTINGS)
-    assert (found.gain == -np.inf).all()
+    actual = STRATEGY.score.match(
+        project_state(state), outcome_with_offset(state, off).frame, unknown(), STRATEGY.noise, SETTINGS
+    )
+    assert (actual.gain == -np.inf).all()
 
 
 def test_scores_are_exponentially_weighted_sums() -> None:
     state, track, dt_s = standing(), tracked_person(), 0.04
     keep = math.exp(-dt_s / SEED.score_memory_s)
-    score = STRATEGY.score.track_scores(shown(state, SIGMA_PX), [track], state, SETTINGS)[0]
+    score = STRATEGY.score.track_scores(outcome_with_offset(state, SIGMA_PX), [track], state, SETTINGS)[0]
     gain = SEED.active_views_weight * VIEWS + SEED.active_joints_weight - SEED.active_error_weight
     assert score == pytest.approx(keep * track.log_odds + (1 - keep) * gain, rel=1e-9)
-    missed = STRATEGY.score.track_scores(shown(state, 0.0, used=False), [track], state, SETTINGS)[0]
+    missed = STRATEGY.score.track_scores(outcome_with_offset(state, 0.0, used=False), [track], state, SETTINGS)[0]
     assert missed == pytest.approx(keep * track.log_odds - (1 - keep) * SEED.active_missing_weight, rel=1e-9)
 
 
 def tentative_score(rate_hz: float, last_seen_s: float, missed_s: float) -> float:
     """Return the score of a person who stands still for a time and is then not seen."""
-    points = sight_of(standing()).points_m[0]
+    points = project_state(standing()).points_m[0]
     each = TentativeTrack(1, [proposal(points)])
     for i in range(1, round((last_seen_s + missed_s) * rate_hz) + 1):
         time_s = i / rate_hz
@@ -227,16 +232,16 @@ def tentative_score(rate_hz: float, last_seen_s: float, missed_s: float) -> floa
 
 
 def test_tentative_scores_do_not_depend_on_the_frame_rate() -> None:
-    seen = SEED.pairs_weight + SEED.views_weight * VIEWS - SEED.error_weight
+    observed = SEED.pairs_weight + SEED.views_weight * VIEWS - SEED.error_weight
     keep = math.exp(-0.4 / SEED.score_memory_s)
     for rate_hz in (25.0, 100.0):
-        assert tentative_score(rate_hz, 0.4, 0.0) == pytest.approx((1 - keep) * seen, rel=1e-9)
+        assert tentative_score(rate_hz, 0.4, 0.0) == pytest.approx((1 - keep) * observed, rel=1e-9)
     assert tentative_score(25.0, 0.4, 0.4) == pytest.approx(tentative_score(100.0, 0.4, 0.4), rel=1e-9)
     assert tentative_score(25.0, 0.4, 0.4) < tentative_score(25.0, 0.4, 0.0)
 
 
 def test_varying_bones_lower_the_score() -> None:
-    points = sight_of(standing()).points_m[0]
+    points = project_state(standing()).points_m[0]
     steady, wild = (TentativeTrack(1, [proposal(points), proposal(scale * points, 0.04)]) for scale in (1.0, 1.3))
     scores = [STRATEGY.score.tentative_score(each, 0.04, 0.04, SETTINGS) for each in (steady, wild)]
     keep = math.exp(-0.04 / SEED.score_memory_s)
@@ -245,7 +250,7 @@ def test_varying_bones_lower_the_score() -> None:
 
 
 def test_distance_of_the_pelvis_and_of_the_core() -> None:
-    points = sight_of(standing()).points_m[0]
+    points = project_state(standing()).points_m[0]
     assert proposal_distance(points, points, SETTINGS) == pytest.approx(0.0, abs=1e-12)
     moved = points + np.array([SEED.tau_root_m, 0.0, 0.0])
     assert proposal_distance(points, moved, SETTINGS) == pytest.approx(1.0, rel=1e-9)
@@ -258,7 +263,7 @@ def test_distance_of_the_pelvis_and_of_the_core() -> None:
 @given(st.integers(0, 10_000))
 def test_distance_is_symmetric_and_invariant(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    one = sight_of(standing()).points_m[0] + 0.05 * rng.standard_normal((KEYPOINTS, 3))
+    one = project_state(standing()).points_m[0] + 0.05 * rng.standard_normal((KEYPOINTS, 3))
     other = one + 0.1 * rng.standard_normal((KEYPOINTS, 3))
     turn, shift = Rotation.random(rng=rng), rng.uniform(-3.0, 3.0, 3)
     apart = float(proposal_distance(one, other, SETTINGS))
@@ -268,7 +273,7 @@ def test_distance_is_symmetric_and_invariant(seed: int) -> None:
 
 
 def test_close_proposals_merge_at_their_centroid() -> None:
-    points = sight_of(standing()).points_m[0]
+    points = project_state(standing()).points_m[0]
     aside = np.array([0.1, 0.0, 0.0])
     near = [proposal(points, n_pairs=2), proposal(points + aside, n_pairs=3, log_odds=2.0)]
     far = proposal(points + np.array([3.0, 0.0, 0.0]))
@@ -281,13 +286,13 @@ def test_close_proposals_merge_at_their_centroid() -> None:
 
 def test_lost_track_is_found_close_to_its_prediction() -> None:
     state, track = standing(), tracked_person()
-    seen = proposal(sight_of(state).points_m[0] + np.array([0.2, 0.0, 0.0]), 1.0)
-    assert STRATEGY.distance.find_lost([track], state, state, seen, 1.0, 1.0, SETTINGS) is None
+    observed = proposal(project_state(state).points_m[0] + np.array([0.2, 0.0, 0.0]), 1.0)
+    assert STRATEGY.distance.find_lost([track], state, state, observed, 1.0, 1.0, SETTINGS) is None
     track.state = TrackState.LOST
-    found = STRATEGY.distance.find_lost([track], state, state, seen, 1.0, 1.0, SETTINGS)
-    assert found is not None
-    assert found.track == 0
-    elsewhere = replace(seen, points_m=seen.points_m + np.array([0.0, 2.0, 0.0]))
+    actual = STRATEGY.distance.find_lost([track], state, state, observed, 1.0, 1.0, SETTINGS)
+    assert actual is not None
+    assert actual.track == 0
+    elsewhere = replace(observed, points_m=observed.points_m + np.array([0.0, 2.0, 0.0]))
     assert STRATEGY.distance.find_lost([track], state, state, elsewhere, 1.0, 1.0, SETTINGS) is None
 
 
@@ -302,23 +307,23 @@ def tracker_for(scene: CrowdScene) -> ArticulatedTracker:
     return tracker_of(scene.rig, scene.detections.skeleton, default_noise(scene.rig, options), options)
 
 
-def follow(tracker: ArticulatedTracker, scene: CrowdScene, frames: range) -> list[People]:
+def track_frames(tracker: ArticulatedTracker, scene: CrowdScene, frames: range) -> list[People]:
     return [tracker.update(Frame.of(scene.detections, i)) for i in frames]
 
 
-def active_points(told: Sequence[People]) -> list[dict[str, np.ndarray]]:
-    return [{p.name: p.points_m for p in people.people if p.state == TrackState.ACTIVE} for people in told]
+def active_points(results: Sequence[People]) -> list[dict[str, np.ndarray]]:
+    return [{p.name: p.points_m for p in people.people if p.state == TrackState.ACTIVE} for people in results]
 
 
 def test_simple_crowd_is_tracked(scene: CrowdScene) -> None:
     n = scene.detections.n_frames
-    told = active_points(follow(tracker_for(scene), scene, range(n)))
+    results = active_points(track_frames(tracker_for(scene), scene, range(n)))
     truth = np.asarray(scene.truth.layers["measured"].points_m)
-    assert [sorted(people) for people in told[n // 2 :]] == [sorted(told[-1])] * (n - n // 2)
-    assert len(told[-1]) == truth.shape[1]
+    assert [sorted(people) for people in results[n // 2 :]] == [sorted(results[-1])] * (n - n // 2)
+    assert len(results[-1]) == truth.shape[1]
     owners = []
-    for name in told[-1]:
-        points = np.stack([people[name] for people in told[n // 2 :]])
+    for name in results[-1]:
+        points = np.stack([people[name] for people in results[n // 2 :]])
         off = np.nanmean(np.linalg.norm(points[:, None] - truth[n // 2 :], axis=-1), axis=-1)
         owners.append(int(off.mean(axis=0).argmin()))
         assert off[:, owners[-1]].max() < 0.25
@@ -329,11 +334,11 @@ def test_simple_crowd_is_tracked(scene: CrowdScene) -> None:
 def test_pickled_tracker_resumes(scene: CrowdScene) -> None:
     half = scene.detections.n_frames // 2
     tracker = tracker_for(scene)
-    follow(tracker, scene, range(half))
+    track_frames(tracker, scene, range(half))
     again = pickle.loads(pickle.dumps(tracker))
     rest = range(half, scene.detections.n_frames)
     for one, other in zip(
-        active_points(follow(tracker, scene, rest)), active_points(follow(again, scene, rest)), strict=True
+        active_points(track_frames(tracker, scene, rest)), active_points(track_frames(again, scene, rest)), strict=True
     ):
         assert list(one) == list(other)
         for name in one:
