@@ -17,7 +17,7 @@ from posefuse.evaluation.identity import (
     recall_after_entry,
     since_entry_s,
 )
-from posefuse.evaluation.matching import assign, is_here, match_frames, match_identities, mean_distances_m
+from posefuse.evaluation.matching import is_here, match_frames, mean_distances_m
 from tests.properties import examples
 
 FRAMES = 20
@@ -164,33 +164,6 @@ def test_result_or_truth_without_people():
     clear, identity, _ = scored(truth, empty)
     assert math.isnan(clear.mota)
     assert (clear.false_people, identity.idf1) == (40, 0)
-
-
-def test_assignment_maximizes_the_number_of_pairs():
-    """Greedy would take the closest pair and leave the others alone."""
-    apart = np.array([[0.1, 0.4], [0.2, 9.0]])
-    rows, columns = assign(apart, apart <= 0.5)
-    assert dict(zip(rows.tolist(), columns.tolist(), strict=True)) == {0: 1, 1: 0}
-
-
-def test_missing_keypoints_are_left_out_of_distances():
-    truth = walkers(1)
-    points = truth + np.array([0.3, 0, 0])
-    points[:, :, 1] = np.nan
-    points[5, :, 0] = np.nan
-    points[6] = np.nan
-    apart = mean_distances_m(points, truth)[:, 0, 0]
-    assert math.isnan(apart[6])
-    np.testing.assert_allclose(np.delete(apart, 6), 0.3)
-
-
-def test_names_must_be_unique():
-    truth = walkers(2)
-    points = truth[:, ::-1].copy()
-    points[:5] = truth[:5]
-    person, together = match_identities(mean_distances_m(points, truth))
-    assert person.tolist() == [1, 0]
-    assert together.tolist() == [[5, 15], [15, 5]]
 
 
 def test_longest_runs():

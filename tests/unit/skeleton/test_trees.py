@@ -1,16 +1,12 @@
 """Kinematic trees: what a table may say, what it makes, and what it is told when it is wrong."""
 
-import re
-
 import numpy as np
 import pytest
 
-from posefuse.errors import SkeletonError
 from posefuse.kernels.tracking import body_kinematics
-from posefuse.skeleton.skeletons import parse_skeleton, shipped_skeleton, shipped_skeletons
-from posefuse.skeleton.tree_tables import parse_tree, shared_body
+from posefuse.skeleton.skeletons import shipped_skeleton, shipped_skeletons
+from posefuse.skeleton.tree_tables import parse_tree
 from posefuse.skeleton.trees import ADULT_M, CONE, HINGE, TWIST, Tree
-from posefuse.skeleton.trees_from_edges import spanning_tree
 from tests.kernels import from_python
 
 locate = from_python(body_kinematics.locate_nodes)
@@ -162,87 +158,3 @@ def test_size_scales_lengths_of_options():
     nose = tree_of().shape_names.index("nose.up")
     large, small = (t.shape_covariance[nose, nose] for t in (tree_of(spread=1e-6), tree_of(spread=1e-6, size_m=0.175)))
     assert large - small == pytest.approx(0.015**2 - 0.0015**2)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"segmants": {}}, "tree has no table 'segmants'. Did you mean 'segments'?"),
-        ({"spread": -0.1}, "tree.spread must be a positive number, got -0.1"),
-        ({"size_m": "large"}, "tree.size_m must be a positive number, got 'large'"),
-        ({"segments": {}}, "tree has no segments; at least one is needed, and the first is the root"),
-        ({"segments": {"pelvis": {"at": "neck"}}}, "tree.segments.pelvis must be {}, because it is the root"),
-        (
-            {"segments": {"pelvis": {}, "head": {}}},
-            'tree.segments.head must be { at = "the point about which it rotates" }',
-        ),
-        ({"segments": {"pelvis": {}, "left_foot": {"at": "left_ankle"}}}, "'left_foot' but no 'right_foot': name both"),
-        ({"points": {"nose": ["head", 0.1, 0.0]}}, "tree.points.nose must be [segment or point, forward, left, up]"),
-        ({"points": {"nose": ["haed", 0.1, 0.0, 0.1]}}, "no segment 'haed'. Did you mean 'head'?"),
-        ({"bones": {"left_knee": ["left_hip", -0.4]}}, "tree.bones.left_knee must be [point, length] or"),
-        ({"bones": {"left_knee": ["left_hip", 0.4, [0, 0, 0]]}}, "tree.bones.left_knee must be"),
-        ({"hinges": {"left_ankle": ["pelvis", [0, 1]]}}, "left_ankle must be [segment, [forward, left, up]]"),
-        ({"hinges": {"left_ankel": ["pelvis", [0, 1, 0]]}}, "not such an end. Did you mean 'left_ankle'?"),
-        ({"hinges": {"left_knee": ["pelvis", [0, 1, 0]]}}, "no bone ends at 'left_hip'"),
-        ({"cones": {"left_knee": ["pelvis", [0, 1, 0]]}}, "left_knee must be [segment, [forward, left, up], degrees]"),
-        ({"twists": {"hat": ["pelvis", [0, 1, 0], 9]}}, "tree.twists contains 'hat', which is not such an end"),
-        ({"twists": {"head": ["palvis", [0, 1, 0], 9]}}, "no segment 'palvis'. Did you mean 'pelvis'?"),
-        ({"bones": {"nose": ["neck", 0.1]}}, "'nose' is defined twice"),
-        ({"bones": {"left_knee": ["left_hop", 0.4]}}, "points left_knee of the tree have unknown parents"),
-    ],
-)  # fmt: skip
-def test_errors_name_the_fault_and_valid_names(changes, message):
-    if "hinges" not in changes:
-        changes = {"hinges": {}, **changes}
-    if "bones" in changes:
-        changes = {"cones": {}, **changes}
-    if "segments" in changes:
-        changes = {"points": {}, "bones": {}, "cones": {}, "twists": {}, **changes}
-    with pytest.raises(SkeletonError, match=re.escape(message)) as caught:
-        tree_of(**changes)
-    assert "'thing'" in str(caught.value)
-
-
-def test_referenced_body_must_exist():
-    with pytest.raises(SkeletonError, match=r"No shared body 'humna'. Did you mean 'human'"):
-        shared_body("humna")
-    with pytest.raises(SkeletonError, match="tree must be a table or the name of a shared body, got 3"):
-        parse_skeleton('name = "thing"\nkeypoints = ["a"]\ntree = 3', "thing.toml")
-
-
-EDGES = np.array([[0, 1], [0, 2], [3, 1], [4, 2], [0, 5], [3, 4]])
-
-
-def ring(spread: float = 0.1) -> Tree:
-    """a-b-d, a-c-e, a-f, d-e: b and c, d and e are partners, and d-e closes a ring; g hangs on nothing."""
-    lengths = np.array([1.0, 1.2, 2.0, 2.4, 3.0, 4.0])
-    return spanning_tree(list("abcdefg"), EDGES, lengths, spread, 5.0, np.array([0, 2, 1, 4, 3, 5, 6]))
-
-
-def test_edges_form_a_tree_of_bones():
-    tree = ring()
-    assert tree.nodes[0].name == "a"
-    parents = {node.name: tree.nodes[node.parent].name for node in tree.nodes[1:]}
-    assert parents == {"b": "a", "c": "a", "f": "a", "d": "b", "e": "c"}
-    assert tree.keypoint_nodes[-1] == -1
-    assert (tree.n_pose, tree.size_m) == (3 + 2 * 5, 5.0)
-
-
-def test_mirrored_edges_share_one_length():
-    tree = ring(0.3)
-    assert tree.shape_names == ("b", "f", "d")
-    np.testing.assert_allclose(tree.shape_m, [1.0, 3.0, 2.0])
-    np.testing.assert_allclose(np.diag(tree.shape_covariance), 2.0 * (0.3 * np.asarray(tree.shape_m)) ** 2)
-    assert tree.nodes[tree.node("c")].place_m[2] == 1.0
-
-
-def test_tree_from_edges_with_known_size():
-    text = 'name = "worm"\nkeypoints = ["head", "middle", "tail"]\nedges = [["head", "middle"], ["middle", "tail"]]\n'
-    tree = parse_skeleton(f"{text}[tree]\nsize_m = 0.02", "worm.toml").tree
-    assert tree is not None
-    assert (tree.size_m, tree.nodes[0].name, tree.n_pose) == (0.02, "middle", 7)
-    assert parse_skeleton(text, "worm.toml").tree is None
-    with pytest.raises(SkeletonError, match="no edges that could be its bones"):
-        parse_skeleton('name = "dots"\nkeypoints = ["a", "b"]\n[tree]\nsize_m = 1.0', "dots.toml")
-    with pytest.raises(SkeletonError, match="tree.size_m must be a positive number, got 0"):
-        parse_skeleton(f"{text}[tree]\nsize_m = 0", "worm.toml")

@@ -3,7 +3,7 @@
 import pytest
 
 from posefuse.model.options.aliases import OTHER_PROGRAMS, RENAMED, matching_option, with_current_names
-from posefuse.model.options.catalog import list_options, options_by_name
+from posefuse.model.options.catalog import options_by_name
 
 
 @pytest.mark.parametrize("table", [OTHER_PROGRAMS, RENAMED], ids=["other programs", "renamed"])
@@ -38,9 +38,3 @@ def test_siblings_come_first():
 def test_former_names_are_replaced_in_their_table_only():
     data = {"trajectory": {"rounds": 2, "prior": "jerk"}, "rounds": 1}
     assert with_current_names(data) == {"trajectory": {"iterations": 2, "prior": "jerk"}, "rounds": 1}
-
-
-@pytest.mark.parametrize("entry", list(list_options()), ids=lambda entry: entry.name)
-def test_every_option_has_a_help_sentence(entry):
-    assert entry.text[0].isupper()
-    assert entry.text.endswith(".")

@@ -166,13 +166,6 @@ def test_prior_is_the_process_noise_since_the_last_update() -> None:
     assert once.covariance[0, 0, 0] == pytest.approx(q, rel=1e-5)
 
 
-def test_propagated_prior_keeps_covariances() -> None:
-    state = standing()
-    before = state.covariance.copy()
-    default.STRATEGY.prior.prepare(state, unknown())
-    np.testing.assert_array_equal(state.covariance, before)
-
-
 def test_fixed_shape_stays_certain() -> None:
     state = standing()
     state.free[0] = 0
