@@ -189,7 +189,9 @@ def test_invalid_qualisys_error_names_the_location(break_it, words, tmp_path):
 def test_invalid_rotation_is_an_error(tmp_path):
     path = tmp_path / "Calib.qca.txt"
     path.write_text(qualisys_xml(ring(2)).replace('r11="', 'r11="1'))
-    with pytest.raises(CameraError, match=r"Calib\.qca\.txt: Camera 'cam_0': the rotation is not one"):
+    with pytest.raises(
+        CameraError, match=r"Calib\.qca\.txt: Camera 'cam_0': the rotation matrix is not a proper rotation"
+    ):
         read_cameras(path)
 
 
@@ -261,7 +263,7 @@ def test_qualisys_is_written_as_qualisys(tmp_path):
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        ({"up_axis": "y"}, "requires z up, and the up axis is y"),
+        ({"up_axis": "y"}, "requires the up axis z, but it is y"),
         ({"cameras": ring(2, "fisheye").cameras}, "has others"),
         ({"cameras": (replace(ring(2).cameras[0], name="a\x01"),)}, "does not allow some characters"),
     ],
