@@ -374,9 +374,7 @@ class Ablation:
         return follow(scene, tracker, smoothed=self.smoothed)
 
 
-STAGES = (
-    "fast_motion", "single_view", "camera_monitor", "identity_audit", "reinitialization", "partial_detections",
-)  # fmt: skip
+STAGES = tuple(name for name, value in vars(TrackerOptions()).items() if hasattr(value, "enabled"))
 """Stages of the tracker that an option turns off."""
 
 

@@ -18,7 +18,7 @@ from posefuse.skeleton.skeletons import find_skeleton
 from posefuse.synthetic.figures import human
 from posefuse.synthetic.motions import HumanMotion
 from posefuse.synthetic.rigs import build_rig
-from tests.laws import examples
+from tests.properties import examples
 
 SKELETON = find_skeleton("coco_17")
 GROUPS = AssociationOptions()

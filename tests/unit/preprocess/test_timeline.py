@@ -12,7 +12,7 @@ from posefuse.errors import DetectionsError
 from posefuse.model.detections import Detections
 from posefuse.preprocess.timeline import nominal_rate_hz
 from posefuse.skeleton.skeletons import Skeleton
-from tests.laws import examples
+from tests.properties import examples
 
 DOTS = Skeleton("dots", ("a", "b"))
 

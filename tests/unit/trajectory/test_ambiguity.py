@@ -6,7 +6,7 @@ import pytest
 from posefuse.trajectory.ambiguity import find_ambiguous
 from posefuse.trajectory.bones import Bones
 from posefuse.trajectory.paths import Paths
-from tests.unit.trajectory.problems import ARM
+from tests.unit.trajectory.path_problems import ARM
 
 FRAMES = 41
 BONES = Bones.of(ARM)

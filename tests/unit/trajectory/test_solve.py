@@ -19,7 +19,7 @@ from posefuse.trajectory.paths import CONSTANT_LEVEL_STRENGTH
 from posefuse.trajectory.priors import RecordingPriors, estimate_priors, margin_s
 from posefuse.trajectory.smoothness import Smoothness
 from tests.scenes import ring
-from tests.unit.trajectory.problems import (
+from tests.unit.trajectory.path_problems import (
     ARM,
     errors_m,
     exact_pixels,
