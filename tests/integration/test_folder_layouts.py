@@ -36,7 +36,7 @@ def test_folder_layout_is_recognized_and_views_match_cameras(layout, tmp_path, c
     main(["inspect", str(tmp_path)])
     output = " ".join(capsys.readouterr().out.split())
     assert f"recognized by: {recording.keypoints[0].recognized_by}" in output
-    assert "2 views match 2 cameras; posefuse reconstruct can take this folder" in output
+    assert "2 views match 2 cameras; posefuse reconstruct can process this folder" in output
     assert "cannot be read" not in output
 
 

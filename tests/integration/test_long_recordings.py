@@ -176,7 +176,7 @@ def test_checkpoints_of_other_input_are_not_used(run, uninterrupted, two_people,
     signal_when_file_exists(start(path, output, 20), output / CHECKPOINT_FOLDER / "tracking.part", signal.SIGKILL)
     code, text, _ = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
     assert code == 0
-    assert "held 1 part of other input, options or versions; they are not used" in " ".join(text.split())
+    assert "Removed 1 part of other inputs, options or versions from" in " ".join(text.split())
     assert contents(output) == contents(uninterrupted)
 
 

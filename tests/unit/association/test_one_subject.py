@@ -45,7 +45,7 @@ def test_several_people_need_a_selection():
 
 def test_selection_by_size_gives_a_note():
     assert one_subject.remarks(False, "largest") == one_subject.remarks(True, "track-id") == ()
-    assert "may be another person" in one_subject.remarks(True, "largest")[0]
+    assert "may show different people" in one_subject.remarks(True, "largest")[0]
 
 
 def test_selects_the_largest_person():
