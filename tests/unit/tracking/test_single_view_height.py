@@ -48,7 +48,7 @@ def tracked_person(settings: TrackerSettings, seed: int) -> State:
 
 def sight_of(state: State, settings: TrackerSettings) -> ProjectedBodies:
     projected = ProjectedBodies.allocate(len(state.root), 0, len(settings.skeleton))
-    project_people(settings.cameras[:0], settings.body, state, *projected.arrays)
+    project_people(settings.cameras[:0], settings.body, state, projected.arrays)
     return projected
 
 

@@ -37,7 +37,7 @@ def standing(
     body = initial_state(tree, points, size * tree.shape_m, tree.shape_covariance, settings.options.motion)
     posed(body)
     projected = ProjectedBodies.allocate(1, len(RIG), len(SKELETON))
-    project_people(settings.cameras, settings.body, body, *projected.arrays)
+    project_people(settings.cameras, settings.body, body, projected.arrays)
     trust = np.ones((len(RIG), len(SKELETON)))
     return [
         Observation(
