@@ -109,9 +109,9 @@ def animal_rig(n_cameras: int, arena_m: float) -> CameraRig:
     )
     angle = 2.0 * np.pi * np.arange(n_cameras) / n_cameras + 0.3
     high = np.where(np.arange(n_cameras) % 2, 1.3, 0.7)
-    centres = arena_m * np.stack([1.5 * np.cos(angle), 1.5 * np.sin(angle), high], axis=1)
+    centers = arena_m * np.stack([1.5 * np.cos(angle), 1.5 * np.sin(angle), high], axis=1)
     cameras = tuple(
-        Camera(f"cam_{i}", _SIZE_PX, matrix, look_at(centre, np.zeros(3))) for i, centre in enumerate(centres)
+        Camera(f"cam_{i}", _SIZE_PX, matrix, look_at(center, np.zeros(3))) for i, center in enumerate(centers)
     )
     return CameraRig(cameras, up_axis="z", source="simulated")
 

@@ -158,11 +158,11 @@ def healthy(
 
 def _placed(camera: Camera, rng: np.random.Generator) -> Camera:
     """The camera somewhere else on its side of the room, with a focal length of its own."""
-    centre = camera.centre_m * np.array([*[rng.uniform(0.8, 1.15)] * 2, 1.0]) + rng.uniform(-0.4, 0.4, 3)
+    center = camera.center_m * np.array([*[rng.uniform(0.8, 1.15)] * 2, 1.0]) + rng.uniform(-0.4, 0.4, 3)
     target = np.array([0.0, 0.0, 0.9]) + rng.uniform(-0.2, 0.2, 3)
     matrix = camera.matrix.copy()
     matrix[[0, 1], [0, 1]] *= rng.uniform(0.85, 1.2)
-    return replace(camera, matrix=matrix, camera_from_world=look_at(centre, target))
+    return replace(camera, matrix=matrix, camera_from_world=look_at(center, target))
 
 
 def plant(scene: Scene, fault: Fault, views: Sequence[int], size: float | None = None) -> tuple[Scene, Planted]:

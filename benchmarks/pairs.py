@@ -87,12 +87,12 @@ def ring(cameras: int) -> CameraRig:
     rig = build_rig("ring", cameras, focal_px=1500.0)
     angle = 2.0 * np.pi * np.arange(cameras) / cameras
     height = 1.5 + np.arange(cameras) * 0.618034 % 1.0
-    centres = np.stack([4.5 * np.cos(angle), 4.5 * np.sin(angle), height], axis=1)
+    centers = np.stack([4.5 * np.cos(angle), 4.5 * np.sin(angle), height], axis=1)
     target = np.array([0.0, 0.0, 0.9])
     return CameraRig(
         tuple(
-            replace(camera, camera_from_world=look_at(centre, target))
-            for camera, centre in zip(rig.cameras, centres, strict=True)
+            replace(camera, camera_from_world=look_at(center, target))
+            for camera, center in zip(rig.cameras, centers, strict=True)
         ),
         up_axis="z",
     )
@@ -100,10 +100,10 @@ def ring(cameras: int) -> CameraRig:
 
 def scattered(n: int, apart_m: float, rng: np.random.Generator) -> np.ndarray:
     """Shape (n, 2, 3): pairs anywhere in the cube, in any direction."""
-    centre = rng.uniform([-0.5, -0.5, 0.4], [0.5, 0.5, 1.4], (n, 3))
+    center = rng.uniform([-0.5, -0.5, 0.4], [0.5, 0.5, 1.4], (n, 3))
     direction = rng.standard_normal((n, 3))
     half = 0.5 * apart_m * direction / np.linalg.norm(direction, axis=1, keepdims=True)
-    return np.stack([centre + half, centre - half], axis=1)
+    return np.stack([center + half, center - half], axis=1)
 
 
 def walking(n: int, rng: np.random.Generator) -> np.ndarray:

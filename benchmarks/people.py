@@ -171,7 +171,7 @@ def exclusive_folder(scene: CrowdScene, told: Sequence[People]) -> Alone:
             if scene.kind[row] not in (Kind.PERSON, Kind.DUPLICATE):
                 continue
             there = truth[f, scene.owner[row]]
-            ray = there.mean(axis=0) - scene.rig.cameras[view[0]].centre_m
+            ray = there.mean(axis=0) - scene.rig.cameras[view[0]].center_m
             ray /= np.linalg.norm(ray)
             error, covariance = person.points_m - there, unpack_covariance(person.covariance_m2)
             off.append((error @ ray).mean())
@@ -374,9 +374,7 @@ class Ablation:
         return follow(scene, tracker, smoothed=self.smoothed)
 
 
-STAGES = (
-    "fast_motion", "single_view", "camera_monitor", "identity_audit", "reinitialization", "partial_detections",
-)  # fmt: skip
+STAGES = tuple(name for name, value in vars(TrackerOptions()).items() if hasattr(value, "enabled"))
 """Stages of the tracker that an option turns off."""
 
 

@@ -128,11 +128,11 @@ def ring_of_table(cameras: int) -> CameraRig:
     """The rig of the table of FreeMoCap's accuracies: radius 4 m, heights 1.5 and 2 m, f 1100 px, k1 -0.05."""
     rig = build_rig("ring", cameras, "barrel", focal_px=1100.0)
     angle = 2 * np.pi * np.arange(cameras) / cameras
-    centres = np.stack([4 * np.cos(angle), 4 * np.sin(angle), np.where(np.arange(cameras) % 2, 2.0, 1.5)], axis=1)
+    centers = np.stack([4 * np.cos(angle), 4 * np.sin(angle), np.where(np.arange(cameras) % 2, 2.0, 1.5)], axis=1)
     return CameraRig(
         tuple(
-            replace(camera, camera_from_world=look_at(centre, np.array([0, 0, 0.9])), distortion=(-0.05, 0, 0, 0, 0))
-            for camera, centre in zip(rig.cameras, centres, strict=True)
+            replace(camera, camera_from_world=look_at(center, np.array([0, 0, 0.9])), distortion=(-0.05, 0, 0, 0, 0))
+            for camera, center in zip(rig.cameras, centers, strict=True)
         ),
         up_axis="z",
     )

@@ -73,6 +73,7 @@ RENAMED: tuple[Renamed, ...] = (
     ),
     Renamed("*", r"@options(_toml)?:(.*)", r"@resolved_options:\2"),
     *(Renamed("*.toml", rf"{re.escape(old)}(\[\])?", rf"{new}\1") for old, new in RENAMED_OPTIONS.items()),
+    Renamed("*", r"@rig_metres_per_unit", r"@rig_meters_per_unit"),
     Renamed("*/batch.json", r"numbers\.(.*)", r"statistics.\1"),
 )
 """Files, columns and variables that the current tree calls otherwise, the first rule that fits.
@@ -90,6 +91,7 @@ EXPECTED: tuple[Expected, ...] = (
     Expected("batch", "options.toml", "end_s", 11.0, "a commented example, not a default"),
     Expected("batch", "options.toml", "align.height_m", 0.8, "a commented example, not a default"),
     Expected("caliscope_webcams", "step_6.txt", "numbers", math.inf, "a note names time 0"),
+    Expected("faults", "step_6.txt", "numbers", math.inf, "'rotated by 180 degrees' instead of 'upside down'"),
     Expected("simulated_late", "step_3.txt", "numbers", 1.25, "an early view has a negative offset instead of a word"),
     Expected("pose2sim_align", "opensim/*", "*", 1e-12, "one sample of points determines scale and world"),
     Expected("*", "*", "new @findings*", math.inf, "findings are stored in the result"),

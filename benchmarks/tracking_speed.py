@@ -53,7 +53,7 @@ class Figures:
         mean: of frames.
         p99: of frames.
         measured: a frame, what the measured layer of everybody takes besides.
-        smoothed: a person and frame, what the full smoother takes afterwards.
+        smoothed: a person and frame, what the full smoother takes afterward.
     """
 
     median: float
@@ -66,7 +66,7 @@ class Figures:
 def figures_of(scene: CrowdScene) -> Figures:
     """Follow everybody once, and measure and smooth them once."""
     spent = 1e3 * frame_s(scene)[_WARM_FRAMES:]
-    measured, smoothed = afterwards_ms(scene)
+    measured, smoothed = smoothing_ms(scene)
     p99 = float(np.quantile(spent, 0.99))
     return Figures(float(np.median(spent)), float(spent.mean()), p99, measured, smoothed)
 
@@ -83,7 +83,7 @@ def frame_s(scene: CrowdScene) -> np.ndarray:
     return spent
 
 
-def afterwards_ms(scene: CrowdScene) -> tuple[float, float]:
+def smoothing_ms(scene: CrowdScene) -> tuple[float, float]:
     """CPU time of the measured layer, a frame, and of the full smoother, a person and frame."""
     plan = prepare(scene.rig, scene.detections, Options(people="many"), Silent())
     frames = plan.detections.n_frames

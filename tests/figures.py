@@ -6,6 +6,8 @@ import numpy as np
 import pygltflib
 from scipy.spatial.transform import Rotation, Slerp
 
+from posefuse.biomechanics.animation_figures import figure_of_person
+from posefuse.io.results.axes import minimal_y_up_from_world
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.track_events import Poses
@@ -201,3 +203,16 @@ class Gltf:
 
     def _depth(self, n: int) -> int:
         return 0 if self.parents[n] < 0 else 1 + self._depth(self.parents[n])
+
+
+def points_in_file_axes(result, person: int = 0) -> np.ndarray:
+    """Points of the model layer in the file's axes."""
+    turn = minimal_y_up_from_world(result.rig.up_axis)
+    return np.asarray(result.layers["model"].points_m)[:, person] @ turn.T
+
+
+def joints_of(result, names: list[str], person: str = "person_1") -> tuple[np.ndarray, list[int]]:
+    """Keypoints that have a joint, and which that is in the file."""
+    figure = figure_of_person(result, person).figure
+    keypoints = np.flatnonzero(figure.keypoint_joints >= 0)
+    return keypoints, [names.index(figure.joints[j].name) for j in figure.keypoint_joints[keypoints]]

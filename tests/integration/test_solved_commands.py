@@ -79,7 +79,7 @@ def test_the_world_laid_anew_is_evaluated_in_the_old_one(run, recording, tmp_pat
 
 
 def test_a_world_of_another_size_is_evaluated_and_compared_in_the_calibrations(run, recording, tmp_path):
-    """The subject is said to be half as tall: errors are still those in the calibration's metres."""
+    """The subject is said to be half as tall: errors are still those in the calibration's meters."""
     medians, tables = [], []
     for name, flags in (("plain", []), ("small", ["--align", "floor", "--align.height-m", "0.9"])):
         code, said, _ = run("reconstruct", recording, "-o", tmp_path / name, "--solve", "frame", *flags)

@@ -28,8 +28,8 @@ def test_the_good_calibration_of_the_mouse_reprojects(shared_data):
 
 @pytest.mark.parametrize("name", ["calibration.toml", "calibration_0b26179_good.toml"])
 def test_a_mouse_is_not_a_house(name, shared_data):
-    """In millimetres, as Anipose's are unless it is said otherwise, the cameras stand some decimetres apart."""
+    """In millimeters, as Anipose's are unless it is said otherwise, the cameras stand some decimeters apart."""
     rig = posefuse.read_cameras(shared_data("sleap_mouse") / name)
-    assert rig.metres_per_unit == 0.001
-    centres = np.array([camera.centre_m for camera in rig.cameras])
-    assert 0.1 < np.linalg.norm(centres - centres[0], axis=1).max() < 2.0
+    assert rig.meters_per_unit == 0.001
+    centers = np.array([camera.center_m for camera in rig.cameras])
+    assert 0.1 < np.linalg.norm(centers - centers[0], axis=1).max() < 2.0

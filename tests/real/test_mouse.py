@@ -25,7 +25,7 @@ def test_the_mouse_is_one_animal_all_the_time(shared_data):
     assert np.nanmedian(apart) < 0.003
 
 
-def test_joints_of_a_mouse_labelled_by_hand_keep_their_limits(shared_data):
+def test_joints_of_a_mouse_labeled_by_hand_keep_their_limits(shared_data):
     file = shared_data("dannce_mouse") / "label3d_demo.mat"
     detections = posefuse.read_detections(file).with_rate(30)
     result = posefuse.reconstruct(

@@ -41,7 +41,7 @@ def nearest_to_rays(rig, pixels) -> np.ndarray:
         direction = camera.rotation.T @ camera.rays(pixel)[0]
         across = np.eye(3) - np.outer(direction, direction)
         system += across
-        right += across @ camera.centre_m
+        right += across @ camera.center_m
     return np.linalg.solve(system, right)
 
 

@@ -52,7 +52,7 @@ def test_proposals_in_mvor(operating_room, shared_data):
 
 
 def test_proposals_elsewhere_are_false_in_mvor(operating_room, shared_data):
-    """The same people a metre aside."""
+    """The same people a meter aside."""
     data = operating_room(shared_data)
     points, _ = mvor.oracle(data)
     away = [each[np.isfinite(each).all(axis=-1).any(axis=-1)] + np.array([1.0, 0.0, 0.0]) for each in points]

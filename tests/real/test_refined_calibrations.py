@@ -26,7 +26,7 @@ def test_a_copied_camera_is_located_by_the_corners_of_a_board(shared_data):
     assert result["side"].before_px > 50
     assert result["side"].after_px < 1.0
     good = posefuse.read_cameras(folder / "calibration_0b26179_good.toml")
-    assert np.linalg.norm(result.rig["side"].centre_m - good["side"].centre_m) < 0.003
+    assert np.linalg.norm(result.rig["side"].center_m - good["side"].center_m) < 0.003
     assert result.rig["side"].matrix[0, 0] == pytest.approx(good["side"].matrix[0, 0], rel=0.01)
     kept_back, _ = board.dense()
     points = posefuse.triangulate(good, board, ONE).layers["measured"].points_m[held_out_frames(board.n_frames), 0]

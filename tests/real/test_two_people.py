@@ -90,7 +90,7 @@ def test_each_of_the_two_is_solved_over_the_whole_recording(follow, shared_data)
 def test_recorded_motion_of_one_person(shared_data):
     """A real person's way of moving, through the simulated detector with all its faults.
 
-    A median: the recording's right eye and ear jump by decimetres.
+    A median: the recording's right eye and ear jump by decimeters.
     """
     motion = panoptic.one_person(shared_data("panoptic_motion").parent)
     made = crowd_of_points(motion.points_m[:600], motion.rig, motion.skeleton, motion.rate_hz)

@@ -50,10 +50,10 @@ def cheapest(rig: CameraRig, pixels: np.ndarray, sigma_px: float, full: float, n
     for v in range(len(rig)):
         straight = cost[:, None, v, 0] + cost[None, :, v, 1]
         crossed = cost[:, None, v, 1] + cost[None, :, v, 0]
-        as_labelled = straight <= crossed
+        as_labeled = straight <= crossed
         total += np.minimum(straight, crossed)
-        held[0] += np.where(as_labelled, near[:, None, v, 0], near[:, None, v, 1])
-        held[1] += np.where(as_labelled, near[None, :, v, 1], near[None, :, v, 0])
+        held[0] += np.where(as_labeled, near[:, None, v, 0], near[:, None, v, 1])
+        held[1] += np.where(as_labeled, near[None, :, v, 1], near[None, :, v, 0])
     left_over = held.sum(axis=0) < there.sum()
     nobody = np.arange(len(cost)) == len(cost) - 1
     fixed = [(held[0] >= 2) | nobody[:, None], (held[1] >= 2) | nobody[None]]

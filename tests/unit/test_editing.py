@@ -16,8 +16,8 @@ from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus
 from posefuse.model.track_events import EVENT_KINDS, Event
 from posefuse.model.tracks import TrackState
-from tests.laws import examples
 from tests.people import crowd, followed, without_people
+from tests.properties import examples
 
 FRAMES = 30
 

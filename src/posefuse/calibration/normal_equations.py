@@ -83,7 +83,7 @@ def compute_rows(
         array[unseen] = 0.0
         array *= weight.reshape(-1, *(1,) * (array.ndim - 1))
     rotations = np.array([camera.rotation for camera in rig.cameras])[observations.view]
-    centers = np.array([camera.centre_m for camera in rig.cameras])[observations.view]
+    centers = np.array([camera.center_m for camera in rig.cameras])[observations.view]
     camera_points = (rotations @ (points - centers)[:, :, None])[:, :, 0]
     in_world = by_point @ rotations
     by_camera = np.empty((n, 2, N_PARAMETERS))

@@ -57,7 +57,7 @@ def _apply(camera: Camera, row: np.ndarray) -> Camera:
         return camera
     pose = np.eye(4)
     pose[:3, :3] = rotation_from_vector(row[ROTATION]) @ camera.rotation
-    pose[:3, 3] = -pose[:3, :3] @ (camera.centre_m + row[TRANSLATION])
+    pose[:3, 3] = -pose[:3, :3] @ (camera.center_m + row[TRANSLATION])
     matrix = camera.matrix.copy()
     matrix[:2, :2] *= np.exp(row[FOCAL])
     distortion = camera.distortion

@@ -107,13 +107,13 @@ def _calibration(item: RecognizedInput, options: Options) -> CameraRig | None:
     except PosefuseError as error:
         note(f"  cannot be read: {error}")
         return None
-    say(f"  {len(rig)} cameras; up axis {rig.up_axis or 'unknown'}, lengths x {rig.metres_per_unit:g} to meters")
+    say(f"  {len(rig)} cameras; up axis {rig.up_axis or 'unknown'}, lengths x {rig.meters_per_unit:g} to meters")
     for remark in rig.notes:
         note(f"  note: {remark}")
     rows = []
     for camera in rig.cameras[:_MOST_CAMERAS]:
         size = f"{camera.size_px[0]} x {camera.size_px[1]}"
-        at = " ".join(f"{value:.2f}" for value in camera.centre_m)
+        at = " ".join(f"{value:.2f}" for value in camera.center_m)
         rows.append([f"  {camera.name}", size, f"{camera.matrix[0, 0]:.0f}", str(camera.lens), at])
     table(None, ["  camera", "size px", "focal px", "lens", "position m"], rows)
     if len(rig) > _MOST_CAMERAS:

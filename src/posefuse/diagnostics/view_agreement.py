@@ -75,7 +75,7 @@ def camera_finding(layers: Sequence[Layer], rig: CameraRig) -> str | None:
 
 def coincidence_finding(rig: CameraRig) -> str | None:
     """Return a sentence if two cameras have the same position, else None."""
-    centers = np.array([camera.centre_m for camera in rig.cameras])
+    centers = np.array([camera.center_m for camera in rig.cameras])
     distances = np.linalg.norm(centers[:, None] - centers[None], axis=-1)
     np.fill_diagonal(distances, np.inf)
     extent = np.max(np.where(np.isfinite(distances), distances, 0.0), initial=0.0)

@@ -306,7 +306,7 @@ def _correlation(
 ) -> np.ndarray:
     """Return the correlation of deviations (frame, pair, view) where both are known, shape (view,).
 
-    Each view's estimate is shrunk towards that of all views, and this towards ``prior``: a view that rarely swaps shows
+    Each view's estimate is shrunk toward that of all views, and this toward ``prior``: a view that rarely swaps shows
     little but noise.
     """
     products = (first * second).sum(axis=(0, 1))

@@ -135,7 +135,7 @@ class Camera(PickledByFields):
         return self.camera_from_world[:3, 3]
 
     @property
-    def centre_m(self) -> np.ndarray:
+    def center_m(self) -> np.ndarray:
         """Shape (3,): camera center in world coordinates, in meters."""
         return -self.rotation.T @ self.translation_m
 
@@ -208,7 +208,7 @@ class CameraRig(PickledByFields):
         cameras: cameras in a fixed order, with unique names.
         up_axis: up axis of the world, or None if unknown (an Anipose world is a camera or a board).
         source: name of the calibration file, without folder.
-        metres_per_unit: factor from the file's unit to meters.
+        meters_per_unit: factor from the file's unit to meters.
         notes: notes of the reader.
         left_out: names of cameras with an invalid calibration; their views are not used.
 
@@ -219,7 +219,7 @@ class CameraRig(PickledByFields):
     cameras: tuple[Camera, ...]
     up_axis: UpAxis | None = None
     source: str = ""
-    metres_per_unit: float = 1.0
+    meters_per_unit: float = 1.0
     notes: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
 

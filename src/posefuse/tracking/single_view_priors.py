@@ -1,7 +1,7 @@
 """Priors on posture and height for people whom a single view shows.
 
 A single view measures the distance of a person by the apparent size, which correlated errors change by a tenth and
-more. A bone that errors shorten turns towards the view or away from it; one that they lengthen cannot turn, so that
+more. A bone that errors shorten turns toward the view or away from it; one that they lengthen cannot turn, so that
 bodies without further constraints drift closer. Two quantities stay about what they were while several views showed the
 person: the inclination of the trunk with the angle between each bone and the trunk, and the height of the body's lowest
 point, because floors are level. The height needs a calibration with a known up axis.

@@ -166,7 +166,7 @@ class _LaterRun:
 
 
 def _smoothed_by(state: State, time_s: np.ndarray, later: _LaterRun | None, settings: TrackerSettings) -> State:
-    """Smooth a run's states, possibly in place, with the run with which the filter was initialized again afterwards.
+    """Smooth a run's states, possibly in place, with the run with which the filter was initialized again afterward.
 
     That filter started without information from this run, so that its first state is an independent observation.
     """

@@ -100,7 +100,7 @@ class TestTorso:
         assert np.linalg.norm(off) == pytest.approx(0.26, abs=0.01)
         assert off @ np.linalg.solve(full(spread[0]), off) < 7.8
 
-    def test_a_hip_metres_away_does_not_carry_the_trunk_off(self):
+    def test_a_hip_meters_away_does_not_carry_the_trunk_off(self):
         points = standing()
         points[0, COCO.index("left_hip")] += [0.0, 3.0, 0.0]
         middle, _ = torso(COCO, points, SMALL)

@@ -18,7 +18,7 @@ from posefuse.skeleton.skeletons import find_skeleton
 from posefuse.synthetic.figures import human
 from posefuse.synthetic.motions import HumanMotion
 from posefuse.synthetic.rigs import build_rig
-from tests.laws import examples
+from tests.properties import examples
 
 SKELETON = find_skeleton("coco_17")
 GROUPS = AssociationOptions()
@@ -197,7 +197,7 @@ class TestGroups:
         lone, _ = seen(rig, truth[:1], hidden=((0, 2), (0, 3), (0, 4)))
         assert len(found_in(lone, rig)) == 1
         pixels = rig.project(truth[:1])
-        far = rig.cameras[0].centre_m + 0.5 * (truth[0] - rig.cameras[0].centre_m)
+        far = rig.cameras[0].center_m + 0.5 * (truth[0] - rig.cameras[0].center_m)
         assert np.abs(rig.project(far)[0] - pixels[0, 0]).max() < 1e-6
         assert len(found_in(lone, rig, known_m=far[None])) == 0
 
@@ -250,7 +250,9 @@ class TestNothing:
     def test_arrays_of_another_recording_are_refused(self):
         rig, truth = rig_of(), people(1)
         frame, _ = seen(rig, truth)
-        with pytest.raises(DetectionsError, match=r"has 5 detections in 5 views, but the rig has 5 cameras .* 3 entries"):
+        with pytest.raises(
+            DetectionsError, match=r"has 5 detections in 5 views, but the rig has 5 cameras .* 3 entries"
+        ):
             found_in(frame, rig, free=np.ones(3, dtype=bool))
         with pytest.raises(DetectionsError, match="has 17 keypoints a person, but the skeleton 'body_25' has 25"):
             propose(rig, frame, noise_of(rig), find_skeleton("body_25"), np.ones(5, dtype=bool), GROUPS)

@@ -17,6 +17,6 @@ def test_camera_is_located_despite_outliers(lens, rng):
     pixels[::4] = rng.uniform(0, 1000, (50, 2))
     found = locate(replace(camera, camera_from_world=np.eye(4)), points, pixels)
     assert found is not None
-    assert np.linalg.norm(found.camera.centre_m - camera.centre_m) < 0.02
+    assert np.linalg.norm(found.camera.center_m - camera.center_m) < 0.02
     flat = points * [1.0, 1.0, 0.0]
     assert locate(camera, flat, camera.project(flat)[0]) is None

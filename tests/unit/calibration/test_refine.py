@@ -63,7 +63,7 @@ def test_fixed_cameras_define_the_world():
     )
     assert result.rig["cam_0"] == truth["cam_0"]
     assert result["cam_0"].role == "fixed"
-    assert np.linalg.norm(result.rig["cam_2"].centre_m - truth["cam_2"].centre_m) < 0.01
+    assert np.linalg.norm(result.rig["cam_2"].center_m - truth["cam_2"].center_m) < 0.01
 
 
 def test_wrong_focal_length_is_corrected():
@@ -86,7 +86,7 @@ def test_copied_camera_is_left_out_or_relocated():
     assert "cam_0" in result["cam_3"].why
     found = refine_calibration(given, seen, ONE, RefineOptions(relocate=("cam_3",)))
     assert found["cam_3"].role == "located"
-    assert np.linalg.norm(found.rig["cam_3"].centre_m - truth["cam_3"].centre_m) < 0.03
+    assert np.linalg.norm(found.rig["cam_3"].center_m - truth["cam_3"].center_m) < 0.03
     assert found["cam_3"].after_px < 3 * NOISE_PX
 
 

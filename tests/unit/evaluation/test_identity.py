@@ -18,7 +18,7 @@ from posefuse.evaluation.identity import (
     since_entry_s,
 )
 from posefuse.evaluation.matching import assign, is_here, match_frames, match_identities, mean_distances_m
-from tests.laws import examples
+from tests.properties import examples
 
 FRAMES = 20
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from posefuse.io.stream import LineReader, RejectedLine, line_of
 from posefuse.model.view_message import ViewMessage
-from tests.laws import examples
+from tests.properties import examples
 
 CAMERAS = ("left", "right\n", "mitte ü")
 READER = LineReader(CAMERAS, 3, 4)

@@ -51,11 +51,11 @@ def test_limbs_by_hand(side, sign):
     assert angles[f"{side}_shoulder.abduction"] == pytest.approx(40.0)
 
 
-@pytest.mark.parametrize(("end", "joint", "backwards"), [("ankle", "knee", True), ("wrist", "elbow", False)])
+@pytest.mark.parametrize(("end", "joint", "backward"), [("ankle", "knee", True), ("wrist", "elbow", False)])
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_bending_in_the_standing_plane_is_no_twist(end, joint, backwards, side):
+def test_bending_in_the_standing_plane_is_no_twist(end, joint, backward, side):
     turns, directions = standing(BODY)
-    directions[BODY.bones.index(f"{side}_{end}")] = down_and(-70.0 if backwards else 70.0, 0.0)
+    directions[BODY.bones.index(f"{side}_{end}")] = down_and(-70.0 if backward else 70.0, 0.0)
     angles = posed(BODY, turns, directions)
     assert angles[f"{side}_{joint}.flexion"] == pytest.approx(70.0)
     assert angles[f"{side}_{'hip' if joint == 'knee' else 'shoulder'}.rotation"] == pytest.approx(0.0, abs=1e-9)

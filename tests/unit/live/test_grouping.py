@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from posefuse.live.grouping import Group, Grouper
 from posefuse.model.options.stream import StreamOptions
 from posefuse.model.view_message import ViewMessage
-from tests.laws import examples
+from tests.properties import examples
 
 OPTIONS = StreamOptions()
 PERIOD_S = 0.02

@@ -66,10 +66,10 @@ def test_arrays_of_a_camera_cannot_be_changed():
         camera().matrix[0, 0] = 1.0
 
 
-def test_centre_and_pose_agree():
+def test_center_and_pose_agree():
     pose = ring(3).cameras[1].camera_from_world
     one = camera(camera_from_world=pose)
-    np.testing.assert_allclose(pose @ [*one.centre_m, 1.0], [0, 0, 0, 1], atol=1e-12)
+    np.testing.assert_allclose(pose @ [*one.center_m, 1.0], [0, 0, 0, 1], atol=1e-12)
 
 
 def test_cameras_are_equal_by_their_numbers():

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from posefuse.model.thinned_samples import Thinned
-from tests.laws import examples
+from tests.properties import examples
 
 
 @examples(60)

@@ -207,7 +207,7 @@ def test_a_wrong_scale_is_reported(factor, unit, rng):
         pose = np.array(camera.camera_from_world)
         pose[:3, 3] /= factor
         cameras.append(replace(camera, camera_from_world=pose))
-    rig = CameraRig(tuple(cameras), metres_per_unit=0.001 if unit else 1.0)
+    rig = CameraRig(tuple(cameras), meters_per_unit=0.001 if unit else 1.0)
     with pytest.warns(PosefuseWarning, match="The scale is wrong for this skeleton") as said:
         result = reconstruct(rig, scene.detections)
     assert len(said) == 1

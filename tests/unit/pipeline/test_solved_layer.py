@@ -23,7 +23,7 @@ from posefuse.progress import Silent
 from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
 from tests.scenes import body_points, ring, simulate_detections
-from tests.unit.trajectory.problems import ARM, exact_pixels, swinging
+from tests.unit.trajectory.path_problems import ARM, exact_pixels, swinging
 
 EVERYTHING = PostprocessOptions(
     fill="pchip", smooth=("hampel", "butterworth"), butterworth=ButterworthOptions(cutoff_hz=9.0)

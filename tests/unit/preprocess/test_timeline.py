@@ -12,7 +12,7 @@ from posefuse.errors import DetectionsError
 from posefuse.model.detections import Detections
 from posefuse.preprocess.timeline import nominal_rate_hz
 from posefuse.skeleton.skeletons import Skeleton
-from tests.laws import examples
+from tests.properties import examples
 
 DOTS = Skeleton("dots", ("a", "b"))
 
@@ -153,7 +153,7 @@ def test_invalid_times_are_errors():
     near = np.arange(9) / 30
     with pytest.raises(DetectionsError, match=r"No two views .* view_0 0.000 to 0.267 s, view_1 50.000 to 50.267 s"):
         align_views(of_views(near, near + 50))
-    with pytest.raises(DetectionsError, match=r"view 'view_1' go backwards after frame 3"):
+    with pytest.raises(DetectionsError, match=r"view 'view_1' go backward after frame 3"):
         align_views(of_views(near, np.array([0, 1, 2, 3, 1.5, 5, 6, 7, 8]) / 30))
     half = of_views(near, near)
     with pytest.raises(DetectionsError, match="'view_1' has no time for 9 of its 9 frames"):

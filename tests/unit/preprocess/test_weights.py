@@ -14,7 +14,7 @@ from posefuse.preprocess.weights import weighted
 from posefuse.skeleton.skeletons import find_skeleton
 from posefuse.synthetic.options import CLEAN, SceneOptions
 from posefuse.synthetic.scenes import simulate
-from tests.unit.model.test_detections import ragged
+from tests.example_detections import ragged_detections
 
 SCENE = SceneOptions(duration_s=0.5, cameras=3, detector=replace(CLEAN, sigma_px=0.1))
 
@@ -25,7 +25,7 @@ def with_sigma(rng, detections):
 
 
 def test_weights_are_the_reference_over_sigma(rng):
-    given = with_sigma(rng, ragged(rng))
+    given = with_sigma(rng, ragged_detections(rng))
     found = weighted(given, 4.5, 0.0)
     assert found is not None
     sigma = np.asarray(given.sigma_px)
@@ -34,7 +34,7 @@ def test_weights_are_the_reference_over_sigma(rng):
 
 
 def test_detections_below_min_confidence_get_weight_zero(rng):
-    given = with_sigma(rng, ragged(rng))
+    given = with_sigma(rng, ragged_detections(rng))
     sigma = np.asarray(given.sigma_px).copy()
     sigma[0, 0], sigma[0, 1] = 1e6, np.nan
     confidence = np.asarray(given.confidence).copy()
@@ -47,7 +47,7 @@ def test_detections_below_min_confidence_get_weight_zero(rng):
 
 
 def test_files_are_weighted_while_they_are_read(rng, tmp_path):
-    given = with_sigma(rng, ragged(rng))
+    given = with_sigma(rng, ragged_detections(rng))
     native.write(given, tmp_path / "keypoints.nc")
     from posefuse import read_detections
 
@@ -58,7 +58,7 @@ def test_files_are_weighted_while_they_are_read(rng, tmp_path):
 
 def test_a_derived_keypoint_gets_the_largest_deviation_of_its_parts(rng):
     body, other = find_skeleton("coco_17"), find_skeleton("body_20")
-    given = with_sigma(rng, replace(ragged(rng, keypoints=17), skeleton=body))
+    given = with_sigma(rng, replace(ragged_detections(rng, keypoints=17), skeleton=body))
     found = np.asarray(given.to_skeleton(other).sigma_px)
     hips = [body.index("left_hip"), body.index("right_hip")]
     np.testing.assert_array_equal(found[:, other.index("mid_hip")], np.asarray(given.sigma_px)[:, hips].max(axis=1))
@@ -96,7 +96,7 @@ def test_fixed_noise_overrides_standard_deviations(rng):
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, np.inf])
 def test_deviations_are_positive(bad, rng):
-    given = with_sigma(rng, ragged(rng))
+    given = with_sigma(rng, ragged_detections(rng))
     sigma = np.asarray(given.sigma_px).copy()
     sigma[3, 1] = bad
     with pytest.raises(DetectionsError, match="sigma_px of view"):

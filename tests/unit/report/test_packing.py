@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from posefuse.model.status import ViewStatus
 from posefuse.report.packing import encode_view_states, fit_grid, pack_covariances, pack_marks, pack_points
-from tests.laws import examples
 from tests.people import crowd, followed
+from tests.properties import examples
 
 
 @pytest.fixture(scope="module")

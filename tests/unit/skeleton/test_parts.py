@@ -99,7 +99,7 @@ def test_a_face_of_points_beside_points_stands_where_it_is_put(rng):
     turn *= np.sign(np.linalg.det(turn))
     moved = truth[tree.keypoint_nodes] @ turn.T + [1.0, 2.0, 1.5]
     root, turns, _ = pose_from_points(tree, moved, np.array(tree.shape_m))
-    # A first pose leans a little towards no turn at all.
+    # A first pose leans a little toward no turn at all.
     np.testing.assert_allclose(root, [1.0, 2.0, 1.5], atol=5e-3)
     np.testing.assert_allclose(turns, np.stack([turn, turn]), atol=0.05)
 

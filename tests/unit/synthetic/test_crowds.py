@@ -188,7 +188,7 @@ class TestScenarios:
         scene = simulate_crowd(CrowdOptions("bumped", detector=EXACT, faults=NO_FAULTS))
         span = span_of(scene, "bumped")
         old, new = scene.rig.cameras[span.view], scene.true_rig.cameras[span.view]
-        np.testing.assert_allclose(old.centre_m, new.centre_m, atol=1e-12)
+        np.testing.assert_allclose(old.center_m, new.center_m, atol=1e-12)
         turn = np.degrees(np.arccos((np.trace(old.rotation @ new.rotation.T) - 1) / 2))
         assert turn == pytest.approx(20.0)
         frame, view = cells_of(scene)

@@ -28,9 +28,9 @@ class TestRigs:
         rig = build_rig(layout, n)
         assert len(rig) == n
         np.testing.assert_allclose(rig.project(np.array([0, 0, 0.9])), [[959.5, 539.5]] * n, atol=1e-9)
-        centres = np.array([camera.centre_m for camera in rig.cameras])
-        assert (centres[:, 2] > 0.5).all()
-        apart = np.linalg.norm(centres[:, None] - centres[None], axis=-1) + np.eye(n) * 9
+        centers = np.array([camera.center_m for camera in rig.cameras])
+        assert (centers[:, 2] > 0.5).all()
+        apart = np.linalg.norm(centers[:, None] - centers[None], axis=-1) + np.eye(n) * 9
         assert apart.min() > 0.1
 
     @pytest.mark.parametrize("n", [0, MOST_CAMERAS + 1])

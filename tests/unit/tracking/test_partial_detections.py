@@ -16,12 +16,11 @@ from posefuse.synthetic.crowd_options import NO_FAULTS, CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 from posefuse.synthetic.options import CLEAN
 from posefuse.synthetic.rigs import build_rig
-from posefuse.tracking.associate import suppress_single_view_matches
 from posefuse.tracking.partial_detections import merge_partial_detections
-from posefuse.tracking.predict import predict_swaps
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.strategy import MatchScores
 from posefuse.tracking.tracker import ArticulatedTracker
+from tests.unit.tracking.stage_runs import active_people, assert_equal_results, clean_scene, run_without, true_points_m
 
 SKELETON = shipped_skeleton("body_20")
 LEGS = np.array([any(part in name for part in ("hip", "knee", "ankle", "toe")) for name in SKELETON.keypoints])
@@ -99,47 +98,6 @@ def test_second_full_detection_is_not_merged(settings: TrackerSettings):
     assert merge_partial_detections(frame, np.array([[0, -1]]), found, settings) is frame
 
 
-@pytest.mark.parametrize(
-    ("gain", "rows", "lost", "after"),
-    [
-        # One view shows the second by what fits the first better, who has another one there.
-        ([[9.0, 8.0], [1.0, 4.0]], [[0, 2], [1, -1]], [False, False], [[0, 2], [-1, -1]]),
-        # It fits the second better.
-        ([[9.0, 3.0], [1.0, 4.0]], [[0, 2], [1, -1]], [False, False], [[0, 2], [1, -1]]),
-        # The first has none there.
-        ([[9.0, 8.0], [1.0, 4.0]], [[-1, 2], [1, -1]], [False, False], [[-1, 2], [1, -1]]),
-        # Another view shows the second, too.
-        ([[9.0, 8.0, 9.0, 0.0], [1.0, 4.0, 0.0, 9.0]], [[0, 2], [1, 3]], [False, False], [[0, 2], [1, 3]]),
-        # One view alone does not move who is lost.
-        ([[9.0, 1.0], [1.0, 9.0]], [[0, 2], [1, -1]], [False, True], [[0, 2], [-1, -1]]),
-    ],
-)
-def test_weak_single_view_matches_are_dropped(gain, rows, lost, after):
-    worth = np.full((2, 4), -np.inf)
-    worth[:, : len(gain[0])] = gain
-    rows = np.array(rows, dtype=np.int64)
-    suppress_single_view_matches(rows, worth, np.array(lost), TrackerOptions())
-    assert rows.tolist() == after
-
-
-@pytest.mark.parametrize("dt_s", [0.01, 0.04, 0.1])
-def test_swap_probability_decays_with_time_and_not_with_frames(dt_s: float):
-    options = TrackerOptions(swap_log_odds=-5.0, swap_duration_s=0.3)
-    swapped = np.array([[[1.0, 0.0]]])
-    for _ in range(round(0.6 / dt_s)):
-        predict_swaps(swapped, dt_s, options)
-    usual = 1.0 / (1.0 + np.exp(5.0))
-    np.testing.assert_allclose(swapped[0, 0], usual + np.exp(-2.0) * (np.array([1.0, 0.0]) - usual), rtol=1e-9)
-
-
-def test_swap_odds_stay_finite():
-    swapped = np.array([[[0.0, 1.0]]])
-    predict_swaps(swapped, 0.0, TrackerOptions(swap_log_odds=-1e6))
-    assert ((swapped > 0.0) & (swapped < 1.0)).all()
-    predict_swaps(swapped, 1e3, TrackerOptions(swap_log_odds=-1e6))
-    assert np.log(swapped / (1.0 - swapped)).max() < -500.0
-
-
 def in_pieces(scene: CrowdScene) -> Detections:
     """Return the detections with the legs separated from the rest in all views and frames."""
     whole = scene.detections
@@ -176,3 +134,24 @@ def test_person_in_partial_detections_is_one_person_with_the_same_accuracy():
 
 def there_of(truth: np.ndarray) -> np.ndarray:
     return np.isfinite(truth[:, 0, 0])
+
+
+def test_stage_uses_the_keypoints_of_both_partial_detections():
+    """Without the stage only the upper parts are used, and the legs stay in their prior pose."""
+    scene = clean_scene(people=1, duration_s=1.6, seed=0)
+    truth, detections = true_points_m(scene)[:, 0], in_pieces(scene)
+    leg_error_m = []
+    for stages in ((), ("partial_detections",)):
+        results = run_without(scene, *stages, detections=detections)
+        people = [active_people(each)["person_1"] for each in results[5:]]
+        used = np.mean([person.used[:, LEGS].mean() for person in people])
+        assert used > 0.95 if not stages else used == 0.0
+        errors = [np.linalg.norm(p.points_m - t, axis=-1)[LEGS].mean() for p, t in zip(people, truth[5:], strict=True)]
+        leg_error_m.append(np.mean(errors))
+    assert leg_error_m[0] < 0.02
+    assert leg_error_m[1] > 0.1
+
+
+def test_stage_does_not_change_whole_detections():
+    scene = clean_scene(people=2, duration_s=2.0)
+    assert_equal_results(run_without(scene), run_without(scene, "partial_detections"))

@@ -105,7 +105,7 @@ def test_distance_uncertainty_covers_the_error():
     squared = []
     for seed in range(4):
         truth, told = seen_by_one(seed)
-        ray = truth.mean(axis=0) - RIG.cameras[0].centre_m
+        ray = truth.mean(axis=0) - RIG.cameras[0].center_m
         ray /= np.linalg.norm(ray)
         assert len(told) == round(ALONE_S / DT_S)
         for person in told:
@@ -122,7 +122,7 @@ def test_posture_prior_reduces_the_distance_bias(monkeypatch: pytest.MonkeyPatch
         off_m.append([])
         for seed in range(4, 8):
             truth, told = seen_by_one(seed)
-            ray = truth.mean(axis=0) - RIG.cameras[0].centre_m
+            ray = truth.mean(axis=0) - RIG.cameras[0].center_m
             off_m[-1] += [((person.points_m - truth) @ ray / np.linalg.norm(ray)).mean() for person in told]
         monkeypatch.setattr("posefuse.tracking.update.apply_posture_prior", lambda *_: None)
     told, untold = np.abs(np.mean(off_m, axis=1))

@@ -8,7 +8,7 @@ import pytest
 
 from posefuse.kernels.tracking.projection import project_people
 from posefuse.kernels.tracking.records import State
-from posefuse.kinematics.initial_pose import initial_state
+from posefuse.kinematics.initial_pose import initial_state, turn_bones
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.skeleton.skeletons import shipped_skeleton
@@ -90,3 +90,23 @@ def test_errors_that_do_not_last_make_every_frame_count():
     one = spread(born(white, times_s[:1]), white)[shape]
     assert np.median(one / spread(born(white, times_s), white)[shape]) == pytest.approx(1.7, abs=0.3)
     np.testing.assert_allclose(spread(born(lasting, times_s), lasting)[shape], one, rtol=0.02)
+
+
+@pytest.mark.parametrize("thigh", [[0.6, 0.0, 0.8], [0.4, -0.3, 0.9]])
+def test_leg_seen_late_is_fitted(thigh):
+    """Gauss-Newton steps from the rest pose fail, because robust weights of distant keypoints vanish."""
+    settings = settings_with()
+    tree, leg = settings.tree, [SKELETON.index(name) for name in ("right_knee", "right_ankle")]
+    shown = np.full((len(tree.bones), 3), np.nan)
+    shown[tree.bones.index("right_knee")] = thigh
+
+    def lift_leg(body: State) -> None:
+        turn_bones(body.bones[0], shown, range(len(tree.bones)))
+
+    seen = standing(settings, np.arange(5) / 25.0, lift_leg)
+    for each in seen[:3]:
+        each.keypoints_px[:, leg], each.points_m[leg] = np.nan, np.nan
+    state = fit_body(seen, settings)[0]
+    projected = ProjectedBodies.allocate(1, 0, len(SKELETON))
+    project_people(settings.cameras[:0], settings.body, state, projected.arrays)
+    np.testing.assert_allclose(projected.points_m[0, leg], seen[-1].points_m[leg], atol=0.05)

@@ -6,7 +6,7 @@ import pytest
 from posefuse.trajectory.ambiguity import find_ambiguous
 from posefuse.trajectory.bones import Bones
 from posefuse.trajectory.paths import Paths
-from tests.unit.trajectory.problems import ARM
+from tests.unit.trajectory.path_problems import ARM
 
 FRAMES = 41
 BONES = Bones.of(ARM)
@@ -38,12 +38,12 @@ def turning(seen: np.ndarray) -> tuple[Paths, np.ndarray]:
     return paths, jacobians
 
 
-@pytest.mark.parametrize("backwards", [False, True])
-def test_ambiguity_persists_after_positions_meet(backwards):
+@pytest.mark.parametrize("backward", [False, True])
+def test_ambiguity_persists_after_positions_meet(backward):
     seen = np.arange(FRAMES) < 5
-    found = find_ambiguous(*turning(seen[::-1] if backwards else seen), BONES, LENGTHS_M)
+    found = find_ambiguous(*turning(seen[::-1] if backward else seen), BONES, LENGTHS_M)
     assert not found[:2].any()
-    wrist = found[2, ::-1] if backwards else found[2]
+    wrist = found[2, ::-1] if backward else found[2]
     # Twice 0.25 sin(angle) is less than eight times 5 mm within 0.08 rad, 1.6 frames, of the frame in the middle.
     assert (wrist == (np.arange(FRAMES) >= 19)).all()
 

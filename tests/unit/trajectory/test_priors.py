@@ -16,7 +16,7 @@ from posefuse.trajectory.paths import PersonPriors
 from posefuse.trajectory.priors import RecordingPriors, estimate_priors, margin_s, mean_cosine
 from posefuse.trajectory.smoothness import Smoothness
 from tests.scenes import ring
-from tests.unit.trajectory.problems import ARM, exact_pixels, measured, part_of, solved, swinging
+from tests.unit.trajectory.path_problems import ARM, exact_pixels, measured, part_of, solved, swinging
 
 
 def white_jerk(frames: int, density: float, seed: int) -> np.ndarray:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from posefuse.trajectory.smoothness import ORDERS, Smoothness, alive_frames, density_for_time_constant, time_constant_s
-from tests.laws import examples
+from tests.properties import examples
 
 
 @pytest.mark.parametrize("prior", ["jerk", "acceleration"])

@@ -19,7 +19,7 @@ from posefuse.trajectory.paths import CONSTANT_LEVEL_STRENGTH
 from posefuse.trajectory.priors import RecordingPriors, estimate_priors, margin_s
 from posefuse.trajectory.smoothness import Smoothness
 from tests.scenes import ring
-from tests.unit.trajectory.problems import (
+from tests.unit.trajectory.path_problems import (
     ARM,
     errors_m,
     exact_pixels,
@@ -304,7 +304,7 @@ def test_swapped_view_is_corrected_first():
     rows = np.array(given.detections.keypoints_px).reshape(90, 4, 2, 2)
     rows[30:60, 2] = rows[30:60, 2, ::-1]
     swapped = replace(given.detections, keypoints_px=rows.reshape(360, 2, 2))
-    state = np.full((90, 1, 4, 1), SwapState.AS_LABELLED, dtype=np.int8)
+    state = np.full((90, 1, 4, 1), SwapState.AS_LABELED, dtype=np.int8)
     state[30:60, 0, 2] = SwapState.SWAPPED
     status = np.array(given.layer.view_status)
     status[30:60, :, :, 2] = ViewStatus.USED_SWAPPED

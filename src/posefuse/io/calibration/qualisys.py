@@ -173,7 +173,7 @@ def _add_camera(cameras: ElementTree.Element, camera: Camera) -> None:
         edges = {"left": "0", "top": "0", "right": str(width - 1), "bottom": str(height - 1)}
         ElementTree.SubElement(element, field, edges)
     axes = _CAMERA_AXES @ camera.rotation
-    position = dict(zip("xyz", (camera.centre_m / METERS_PER_UNIT["mm"]).tolist(), strict=True))
+    position = dict(zip("xyz", (camera.center_m / METERS_PER_UNIT["mm"]).tolist(), strict=True))
     rotation = {f"r{i + 1}{j + 1}": float(axes[i, j]) for i in range(3) for j in range(3)}
     ElementTree.SubElement(element, "transform", _attributes(rotation | position))
     (fu, skew, cu), (_, fv, cv), _ = (_SUBPIXELS * camera.matrix).tolist()

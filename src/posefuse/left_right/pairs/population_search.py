@@ -62,7 +62,7 @@ def solve(
     couples = np.empty((directions.shape[0] * len(pair_table), 6))
     costs = np.empty(len(couples))
     search_pairs(
-        _MM * np.stack([camera.centre_m for camera in rig.cameras]),
+        _MM * np.stack([camera.center_m for camera in rig.cameras]),
         directions.reshape(len(couples), len(rig), 2, 3),
         PopulationSearch(
             np.array([terms.separation_weight, terms.ray_weight, terms.equidistance_weight, terms.opposite_weight]),

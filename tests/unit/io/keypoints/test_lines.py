@@ -10,8 +10,8 @@ from posefuse.errors import DetectionsError, FileError
 from posefuse.io.keypoints import replay
 from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
+from tests.example_detections import example_detections
 from tests.keypoint_files import WRITERS
-from tests.unit.io.keypoints.test_keypoint_formats import some
 
 
 def written(tmp_path):
@@ -41,7 +41,7 @@ def test_returned_arrays_are_copies(tmp_path):
 
 @pytest.mark.parametrize("name", ["replay_lines", "payload_lines", "payload_arrays"])
 def test_a_file_that_changes_while_it_is_read(name, tmp_path):
-    path = WRITERS[name](some(), tmp_path)
+    path = WRITERS[name](example_detections(), tmp_path)
     file = next(iter(sorted(path.iterdir()))) if path.is_dir() else path
     found = posefuse.read_detections(path, "coco_17")
     found.frames(0, 1)

@@ -11,7 +11,7 @@ from posefuse.model.tracks import Tracks, TrackState
 from posefuse.pipeline.people.stitching import same_people, stitch
 from posefuse.pipeline.people.windows import TrackedWindow, TrackingWindow, tracking_windows
 from posefuse.skeleton.skeletons import shipped_skeleton
-from tests.laws import examples
+from tests.properties import examples
 
 SKELETON = shipped_skeleton("body_20")
 VIEWS = 3

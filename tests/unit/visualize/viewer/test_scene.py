@@ -63,7 +63,7 @@ def test_cameras_have_their_poses_and_reprojections(saved):
     result, scene, _ = saved
     camera = result.rig.cameras[1]
     rows = scene["/world/cameras/cam1"]
-    assert np.array(rows["Transform3D:translation"][0]).ravel() == pytest.approx(camera.centre_m, abs=1e-5)
+    assert np.array(rows["Transform3D:translation"][0]).ravel() == pytest.approx(camera.center_m, abs=1e-5)
     assert np.array(rows["Pinhole:resolution"][0]).ravel().tolist() == list(camera.size_px)
     pixels = camera.project(np.asarray(result.layers["measured"].points_m))[0]
     drawn = scene["/world/cameras/cam1/reprojected/measured/person_2"]["Points2D:positions"]
