@@ -73,6 +73,8 @@ def triangulate_views(cameras, observations, noise, min_views, out):
     n_used = np.empty(BLOCK, np.int64)
     lane_status = np.empty(BLOCK, np.int64)
     point_codes = np.empty(BLOCK, np.int64)
+    # Read fields before the loop: each access to an array of a record counts references.
+    points, covariance, status = out.points, out.covariance, out.status
     for first in range(0, total, BLOCK):
         index_lanes(first, total, n_keypoints, lane_indices)
         load_block(
@@ -94,5 +96,5 @@ def triangulate_views(cameras, observations, noise, min_views, out):
         judge_geometry(state, sums, point_codes)
         reproject_block(array, distorted, fisheye, pixels, state, errors)
         fill_linearized_errors(rows, weights, state, errors)
-        store_points(state, sums, point_codes, lane_indices, out.points, out.covariance, out.status)
+        store_points(state, sums, point_codes, lane_indices, points, covariance, status)
         store_view_results(block_codes, errors, point_codes, lane_indices, out)

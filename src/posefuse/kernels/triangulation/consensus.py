@@ -215,29 +215,34 @@ def triangulate_consensus(cameras, observations, noise, parameters, out):
         pending=np.empty((2, total), np.int64),
         n_pending=np.zeros(2, np.int64),
     )
+    # Read fields before the loop: each access to an array of a record counts references.
     block_confidence, rows, weights = workspace.block_confidence, workspace.rows, workspace.weights
+    lane_indices, state, sums = workspace.lane_indices, workspace.state, workspace.sums
+    accepted, ranks, n_used = workspace.accepted, workspace.ranks, workspace.n_used
+    point_codes, scratch, n_pending = workspace.point_codes, workspace.hypothesis, workspace.n_pending
+    points, covariance, status = out.points, out.covariance, out.status
     bound, full = parameters.bound_sigma * parameters.bound_sigma, parameters.full_sigma * parameters.full_sigma
     none = parameters.none_sigma * parameters.none_sigma
     # A literal 0 has its own type, for which the callee would be compiled a second time.
     first = np.int64(0)
-    while first < total or workspace.n_pending[0] + workspace.n_pending[1] > 0:
+    while first < total or n_pending[0] + n_pending[1] > 0:
         mode, first = next_block(first, total, n_keypoints, early_limit, workspace)
         thorough = mode != QUICK
         load_block(
             keypoints_px,
             confidence,
             detection_rows,
-            workspace.lane_indices,
+            lane_indices,
             min_confidence,
             pixels,
             block_confidence,
             block_codes,
         )
         for v in range(n_views):
-            rows_block(array, distorted, fisheye, v, pixels, lens_codes, rows, workspace.hypothesis)
+            rows_block(array, distorted, fisheye, v, pixels, lens_codes, rows, scratch)
         compute_weights(scale_px, exponent, block_confidence, lens_codes, block_codes, weights)
         if thorough:
-            rank_views(block_confidence, weights, workspace.ranks, workspace.n_used)
+            rank_views(block_confidence, weights, ranks, n_used)
             n_undecided = search_pairs(workspace, parameters, early_limit if mode == EARLY else 0, bound)
             postpone_undecided(workspace, n_keypoints, n_undecided)
             _start_lanes(workspace, min_views)
@@ -249,9 +254,8 @@ def triangulate_consensus(cameras, observations, noise, parameters, out):
             postpone_contested(workspace, n_keypoints, min_views, early_limit)
         _assign_point_codes(workspace, bound, min_views)
         _compute_covariance(workspace, thorough)
-        state, point_codes, lane_indices = workspace.state, workspace.point_codes, workspace.lane_indices
         reproject_block(array, distorted, fisheye, pixels, state, errors)
-        fill_linearized_errors(rows, workspace.accepted, state, errors)
-        _mark_outliers(workspace.accepted, point_codes, block_codes)
-        store_points(state, workspace.sums, point_codes, lane_indices, out.points, out.covariance, out.status)
+        fill_linearized_errors(rows, accepted, state, errors)
+        _mark_outliers(accepted, point_codes, block_codes)
+        store_points(state, sums, point_codes, lane_indices, points, covariance, status)
         store_view_results(block_codes, errors, point_codes, lane_indices, out)
