@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import posefuse
-from benchmarks import real
+from benchmarks import real_recordings
 from benchmarks.trajectory import per_frame, solved
 from posefuse.evaluation.accuracy import bone_variation
 from posefuse.model.cameras import CameraRig
@@ -52,13 +52,13 @@ class HeldOut:
 
 def balancing(folder: Path) -> tuple[CameraRig, Detections]:
     """A person on a beam, four cameras, OpenPose."""
-    rig, detections = real.pose2sim(folder)
+    rig, detections = real_recordings.pose2sim(folder)
     return rig, detections.with_rate(POSE2SIM_RATE_HZ)
 
 
 def fly(folder: Path) -> tuple[CameraRig, Detections]:
     """A tethered fly: two points a leg, and a bone between them."""
-    rig, detections = real.fly_3cam(folder)
+    rig, detections = real_recordings.fly_3cam(folder)
     legs = tuple((f"{side}{leg}A", f"{side}{leg}B") for side in "LR" for leg in (1, 2, 3))
     skeleton = replace(detections.skeleton, edges=legs)
     return rig, replace(detections, skeleton=skeleton).with_rate(FLY_RATE_HZ)
@@ -66,7 +66,7 @@ def fly(folder: Path) -> tuple[CameraRig, Detections]:
 
 def mouse(folder: Path) -> tuple[CameraRig, Detections]:
     """A mouse, four cameras, SLEAP."""
-    rig, detections = real.sleap_mouse(folder)
+    rig, detections = real_recordings.sleap_mouse(folder)
     return rig, detections.with_rate(MOUSE_RATE_HZ)
 
 

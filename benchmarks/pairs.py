@@ -226,7 +226,7 @@ CASES: dict[str, tuple[dict[str, object], float]] = {
     "5, same, walking": ({"cameras": 5, "outlier": 0.1, "missing": 0.1, "walk": True}, 1.5),
     "4, missing": ({"cameras": 4, "missing": 0.1}, 0.8),
 }
-"""Name to what is drawn, and by how many percent the share beyond 100 mm may exceed the oracle's."""
+"""Simulated cases by name, and the allowed excess of the share beyond 100 mm over the oracle's, in percent."""
 
 PRIOR_M = 0.05
 """Distance that ankles move in one frame of 1/60 s."""
@@ -235,7 +235,7 @@ PRIOR_M = 0.05
 def table(trials: int) -> None:
     """Print every case: the oracle, our methods, sds, and labels as given."""
     print(f"\n{trials} trials: median mm, 95 % mm, beyond 100 mm %, missing %; ratios of ours to the oracle's")
-    print(f"{'':24}{'oracle':^29}{'enumerate':^29}{'med.':>7}{'p95':>7}{'+%':>7}{'may':>6}{'sds':^29}{'labels':^29}")
+    print(f"{'':24}{'oracle':^29}{'enumerate':^29}{'med.':>7}{'p95':>7}{'+%':>7}{'limit':>6}{'sds':^29}{'labels':^29}")
     for name, (drawn, allowed) in CASES.items():
         data = scene(trials, **drawn)  # type: ignore[arg-type]
         best = oracle(data)

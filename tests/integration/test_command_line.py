@@ -244,12 +244,12 @@ class TestBadInput:
     def test_cameras_of_other_names(self, refused, recording, tmp_path):
         text = (recording / "calibration.toml").read_text()
         (recording / "calibration.toml").write_text(re.sub(r'name = "cam_(\d)"', r'name = "gopro \1"', text))
-        words = ["View 'cam_0' has no camera of its name", "gopro 0", "--camera-order"]
+        words = ["View 'cam_0' matches no camera by name", "gopro 0", "--camera-order"]
         refused("reconstruct", recording, "-o", tmp_path / "o", words=words)
 
     def test_fewer_cameras_than_views(self, refused, recording, tmp_path, clean_scene):
         anipose.write(clean_scene.rig.select(["cam_0", "cam_1", "cam_2"]), recording / "calibration.toml")
-        refused("reconstruct", recording, "-o", tmp_path / "o", words=["View 'cam_3' has no camera of its name"])
+        refused("reconstruct", recording, "-o", tmp_path / "o", words=["View 'cam_3' matches no camera by name"])
 
     def test_truncated_json(self, refused, recording, tmp_path, clean_scene):
         (recording / "keypoints.nc").unlink()
@@ -289,7 +289,13 @@ class TestBadInput:
         text = anipose_toml(clean_scene.rig)
         line = next(line for line in text.splitlines() if line.startswith("rotation"))
         (recording / "calibration.toml").write_text(text.replace(line, "rotation = [[2, 0, 0], [0, 1, 0], [0, 0, 1]]"))
-        refused("reconstruct", recording, "-o", tmp_path / "o", words=["'cam_0'", "the rotation is not one"])
+        refused(
+            "reconstruct",
+            recording,
+            "-o",
+            tmp_path / "o",
+            words=["'cam_0'", "the rotation matrix is not a proper rotation"],
+        )
 
     def test_several_people(self, refused, recording, tmp_path, clean_scene):
         (recording / "keypoints.nc").unlink()

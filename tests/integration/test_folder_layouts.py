@@ -36,7 +36,7 @@ def test_a_layout_is_found_and_its_views_match_cameras(layout, tmp_path, capsys)
     main(["inspect", str(tmp_path)])
     said = " ".join(capsys.readouterr().out.split())
     assert f"recognized by: {found.keypoints[0].recognized_by}" in said
-    assert "2 views match 2 cameras; posefuse reconstruct can take this folder" in said
+    assert "2 views match 2 cameras; posefuse reconstruct can process this folder" in said
     assert "cannot be read" not in said
 
 

@@ -174,7 +174,7 @@ def test_parts_of_other_input_are_not_used(run, uninterrupted, two_people, tmp_p
     stop_when(start(other, output, 20), output / CHECKPOINT_FOLDER / "tracking.part", signal.SIGKILL)
     code, said, _ = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
     assert code == 0
-    assert "held 1 part of other input, options or versions; they are not used" in " ".join(said.split())
+    assert "Removed 1 part of other inputs, options or versions from" in " ".join(said.split())
     assert contents(output) == contents(uninterrupted)
 
 

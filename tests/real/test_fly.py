@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from benchmarks import held_out, real
+from benchmarks import held_out, real_recordings
 
 import posefuse
 from posefuse.model.detections import Detections
@@ -16,7 +16,7 @@ METRES_PER_UNIT = 0.72e-3
 
 def test_a_tethered_fly_is_followed_leg_by_leg(shared_data):
     folder = shared_data("deepfly_7cam")
-    rig, detections = real.deepfly_7cam(folder.parent)
+    rig, detections = real_recordings.deepfly_7cam(folder.parent)
     cameras = []
     for camera in rig.cameras:
         pose = np.array(camera.camera_from_world)

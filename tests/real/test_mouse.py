@@ -1,7 +1,7 @@
 """A real mouse, whose skeleton says nothing of how it moves, followed as one of many."""
 
 import numpy as np
-from benchmarks import real
+from benchmarks import real_recordings
 
 import posefuse
 from posefuse.kinematics.initial_pose import pose_from_points
@@ -11,7 +11,7 @@ from posefuse.skeleton.trees import CONE, TWIST
 
 
 def test_the_mouse_is_one_animal_all_the_time(shared_data):
-    rig, detections = real.sleap_mouse(shared_data("sleap_mouse").parent)
+    rig, detections = real_recordings.sleap_mouse(shared_data("sleap_mouse").parent)
     assert detections.skeleton.tree is None
     detections = detections if detections.rate_hz else detections.with_rate(60)
     result = posefuse.reconstruct(rig, detections, posefuse.Options(people="many"))

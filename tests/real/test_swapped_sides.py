@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks import real
+from benchmarks import real_recordings
 
 import posefuse
 from posefuse.association import one_subject
@@ -16,7 +16,7 @@ from posefuse.model.options.options import Options
 
 
 def pose2sim(shared_data) -> tuple[CameraRig, Detections]:
-    return real.pose2sim(shared_data("pose2sim").parent)
+    return real_recordings.pose2sim(shared_data("pose2sim").parent)
 
 
 def caliscope_webcams(shared_data) -> tuple[CameraRig, Detections]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benchmarks import real
+from benchmarks import real_recordings
 
 import posefuse
 from posefuse.errors import PosefuseWarning
@@ -10,11 +10,11 @@ from posefuse.model.status import ViewStatus
 
 
 def test_the_junk_camera_of_a_fly_is_rejected_and_named(shared_data):
-    rig, detections = real.deepfly_7cam(shared_data("deepfly_7cam").parent)
+    rig, detections = real_recordings.deepfly_7cam(shared_data("deepfly_7cam").parent)
     with pytest.warns(PosefuseWarning, match="'camera_3'") as said:
         result = posefuse.reconstruct(rig, detections)
     assert len(said) == 1
-    shares = real.rejected_shares(result)
+    shares = real_recordings.rejected_shares(result)
     assert shares.pop("camera_3") > 0.5
     assert max(shares.values()) < 0.2
     layer = result.layers["measured"]
@@ -29,13 +29,13 @@ def test_the_junk_camera_of_a_fly_is_rejected_and_named(shared_data):
 def test_a_camera_with_anothers_calibration_is_named(shared_data):
     folder = shared_data("sleap_mouse").parent
     with pytest.warns(PosefuseWarning) as said:
-        result = posefuse.reconstruct(*real.sleap_mouse(folder, "calibration.toml"))
+        result = posefuse.reconstruct(*real_recordings.sleap_mouse(folder, "calibration.toml"))
     assert any("camera 'side'" in str(warning.message) for warning in said)
-    assert real.rejected_shares(result)["side"] > 0.95
+    assert real_recordings.rejected_shares(result)["side"] > 0.95
 
 
 def test_with_the_good_calibration_no_camera_is_blamed(shared_data):
-    rig, detections = real.sleap_mouse(shared_data("sleap_mouse").parent)
+    rig, detections = real_recordings.sleap_mouse(shared_data("sleap_mouse").parent)
     assert detections.skeleton.keypoints[0] == "Nose"
     assert detections.skeleton.edges
     assert ("Shoulder_left", "Shoulder_right") in detections.skeleton.pairs
@@ -45,9 +45,9 @@ def test_with_the_good_calibration_no_camera_is_blamed(shared_data):
 
 
 def test_a_fly_before_telephoto_lenses(shared_data):
-    rig, detections = real.fly_3cam(shared_data("fly_3cam").parent)
+    rig, detections = real_recordings.fly_3cam(shared_data("fly_3cam").parent)
     result = posefuse.reconstruct(rig, detections)
     layer = result.layers["measured"]
     assert layer.has_point.mean() > 0.98
     assert np.nanmedian(layer.reprojection_error_px) < 1.9
-    assert max(real.rejected_shares(result).values()) < 0.05
+    assert max(real_recordings.rejected_shares(result).values()) < 0.05

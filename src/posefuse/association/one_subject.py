@@ -79,7 +79,7 @@ def select_subject(detections: Detections, pick: Pick | None, subject_ids: np.nd
         ways = "--pick largest or --pick track-id" if (subject_ids >= 0).any() else "--pick largest"
         raise DetectionsError(
             f"View {detections.view_names[v]!r} shows {counts[f, v]} people in frame {detections.frame_numbers[f]} "
-            f"(and {len(crowded)} view-frames of this range show several), but people = 'one'. Say which is the "
+            f"(and {len(crowded)} view-frames of this range show several), but people = 'one'. Select the "
             f"subject with {ways}, or remove the others."
         )
     else:
@@ -129,6 +129,6 @@ def remarks(several_people: bool, pick: Pick | None) -> tuple[str, ...]:
     if pick != "largest" or not several_people:
         return ()
     return (
-        "--pick largest takes the largest person of each view and frame by itself; in another view that may be another "
-        "person. --exclude-camera, or keypoints with track ids and --pick track-id, are safer.",
+        "--pick largest selects the largest person separately in each view and frame, so views may show different "
+        "people. --exclude-camera, or keypoints with track IDs and --pick track-id, are safer.",
     )

@@ -95,7 +95,7 @@ def _distortion(name: str, k1: float, sd: float, score: float, certainty: float)
         f"{k1:+.2f} +- {sd:.2f}."
     )
     remedy = (
-        "Check whether the calibration lacks the distortion or is of another lens, or whether the keypoints were "
+        "Check whether the calibration lacks the distortion or belongs to another lens, or whether the keypoints were "
         "detected in undistorted images; posefuse refine-calibration --refine lens estimates it."
     )
     kind = FindingKind.LENS_DISTORTION

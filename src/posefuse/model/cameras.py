@@ -380,7 +380,8 @@ def _check_pose(name: str, pose: np.ndarray) -> None:
         determinant = float(np.linalg.det(rotation))
     if not off <= _ROTATION_TOLERANCE or determinant < 0:
         raise CameraError(
-            f"Camera {name!r}: the rotation is not one: R R^T differs from the identity by {off:.2g} (at most "
+            f"Camera {name!r}: the rotation matrix is not a proper rotation: R R^T differs from the identity by "
+            f"{off:.2g} (at most "
             f"{_ROTATION_TOLERANCE:g}) and its determinant is {determinant:.4f} (expected 1). A matrix that was "
             "scaled, mirrored or typed with few digits is the usual cause."
         )

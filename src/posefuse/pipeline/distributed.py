@@ -133,9 +133,9 @@ def prepare_distributed(
         return plan
     number, overlap_s = len(plan.subjects.starts) - 1, options.tracker.terminate_after_s
     note = (
-        f"People were tracked in {number} windows of about {runner.workers.window_s:g} s, each starting from the state "
-        f"of a tracker that had run through all earlier frames and continuing more than {overlap_s:g} s beyond its "
-        "end; people of neighboring windows were matched by their shared detections."
+        f"People were tracked in {number} windows of about {runner.workers.window_s:g} s. Each window starts from the "
+        f"state of a tracker that processed all earlier frames, and continues more than {overlap_s:g} s beyond its "
+        "end. Tracks of neighboring windows were joined by their shared detections."
     )
     return replace(plan, provenance=plan.provenance.with_notes((note,)))
 

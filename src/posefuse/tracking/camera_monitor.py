@@ -111,7 +111,7 @@ class CameraMonitor:
         changes: list[CameraChange] = [
             (int(v), "camera_silent", self._silence_reason(int(v))) for v in np.flatnonzero(change > 0)
         ]
-        back = "it delivers frames and shows the people it should show"
+        back = "it delivers frames and shows the expected people"
         return changes + [(int(v), "camera_back", back) for v in np.flatnonzero(change < 0)]
 
     def _silence_reason(self, view: int) -> str:

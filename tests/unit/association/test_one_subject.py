@@ -45,7 +45,7 @@ def test_several_people_need_one():
 
 def test_choosing_by_size_is_remarked_on():
     assert one_subject.remarks(False, "largest") == one_subject.remarks(True, "track-id") == ()
-    assert "may be another person" in one_subject.remarks(True, "largest")[0]
+    assert "may show different people" in one_subject.remarks(True, "largest")[0]
 
 
 def test_the_largest():

@@ -254,7 +254,7 @@ class TestNothing:
             DetectionsError, match=r"has 5 detections in 5 views, but the rig has 5 cameras .* 3 entries"
         ):
             found_in(frame, rig, free=np.ones(3, dtype=bool))
-        with pytest.raises(DetectionsError, match="has 17 keypoints a person, but the skeleton 'body_25' has 25"):
+        with pytest.raises(DetectionsError, match="has 17 keypoints per person, but the skeleton 'body_25' has 25"):
             propose(rig, frame, noise_of(rig), find_skeleton("body_25"), np.ones(5, dtype=bool), GROUPS)
 
 

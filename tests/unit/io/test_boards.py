@@ -31,7 +31,7 @@ def test_corners_of_sleap_anipose(tmp_path):
     assert np.array_equal(pixels[2, 0, 1], corners[0, 2, 1])
     assert np.isnan(pixels[2, 1, 3]).all()
     assert np.isnan(pixels[0, 0, 0]).all(), "a corner at (0, 0) is missing"
-    with pytest.raises(FileError, match="corners of 2 cameras"):
+    with pytest.raises(FileError, match="corners of 2 unnamed cameras"):
         read_board(tmp_path / "calibration.metadata.h5", ("a", "b", "c"))
 
 

@@ -108,7 +108,7 @@ def test_times_are_matched_to_views_by_name(tmp_path):
     rows = [(name.upper(), f, 10 * v + f) for v, name in enumerate((*names, "another")) for f in range(4)]
     found = with_timestamps(two_views(), read_timestamps(table(tmp_path / "times.csv", rows=rows)))
     np.testing.assert_array_equal(found.time_s, [[f, 10 + f] for f in range(4)])
-    assert found.notes[-1] == "Times are those of times.csv; it has more views: ANOTHER."
+    assert found.notes[-1] == "Times are read from times.csv, which has more views: ANOTHER."
     with pytest.raises(MatchError, match=f"no times of {names[1]}; it has those of {names[0].upper()}"):
         with_timestamps(two_views(), read_timestamps(table(tmp_path / "times.csv", rows=rows[:4])))
     short = [row for row in rows if row[1] != 2]
@@ -125,7 +125,7 @@ def test_views_can_have_their_own_rates():
     found = with_common_frames(timeless, Request(rate_hz=30.0, view_rates_hz={second: 60.0}))
     assert (found.n_frames, found.rate_hz) == (12, 30.0)
     assert found.recorded.sum(axis=0).tolist() == [12, 6]
-    with pytest.raises(DetectionsError, match=f"has no rate for {first}"):
+    with pytest.raises(DetectionsError, match=f"sets no rate for {first}"):
         with_common_frames(timeless, Request(view_rates_hz={second: 60.0}))
     with pytest.raises(MatchError, match=r"view_rates_hz: no view 'cam_9'"):
         with_common_frames(timeless, Request(rate_hz=30.0, view_rates_hz={"cam_9": 60.0}))
@@ -181,7 +181,7 @@ def test_mixed_rates_give_the_points_of_the_common_frames(recording):
     mixed = reconstructed(recording, "mixed")
     assert mixed.rate_hz == 30
     notes = " ".join(mixed.provenance.notes)
-    assert "Times are those of times.csv" in notes
+    assert "Times are read from times.csv" in notes
     assert "30 of its 60 frames are not used" in notes
     names = SCENE.detections.view_names
     assert f"View {names[1]}_json (30 Hz): 5 of the 30 frames missing" in notes
@@ -207,7 +207,7 @@ def test_frame_numbers_that_agree_with_times_are_kept(tmp_path):
     found = with_common_frames(holed, Request(timestamps=read_timestamps(table(tmp_path / "times.csv", rows=rows))))
     assert (found.n_frames, found.rate_hz) == (12, 60.0)
     np.testing.assert_array_equal(found.recorded, recorded)
-    assert found.notes[-1] == "Times are those of times.csv."
+    assert found.notes[-1] == "Times are read from times.csv."
 
 
 def test_several_timestamps_are_an_error(recording, capsys):

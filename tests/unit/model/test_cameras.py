@@ -35,8 +35,11 @@ def pose_with(rotation) -> np.ndarray:
         ({"matrix": MATRIX.T}, ["upper triangular", "transposed"]),
         ({"matrix": MATRIX * np.nan}, ["not finite"]),
         ({"camera_from_world": np.eye(3)}, ["4 x 4", "(3, 3)"]),
-        ({"camera_from_world": pose_with(np.diag([1.0, 1.0, -1.0]))}, ["rotation is not one", "determinant is -1"]),
-        ({"camera_from_world": pose_with(1.01 * np.eye(3))}, ["rotation is not one", "0.02"]),
+        (
+            {"camera_from_world": pose_with(np.diag([1.0, 1.0, -1.0]))},
+            ["matrix is not a proper rotation", "determinant is -1"],
+        ),
+        ({"camera_from_world": pose_with(1.01 * np.eye(3))}, ["matrix is not a proper rotation", "0.02"]),
         ({"camera_from_world": np.full((4, 4), np.nan)}, ["finite"]),
         ({"size_px": (0, 1080)}, ["two positive whole numbers", "0 x 1080"]),
         ({"size_px": (1920.5, 1080)}, ["whole numbers"]),

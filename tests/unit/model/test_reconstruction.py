@@ -35,7 +35,7 @@ def test_concatenated_ranges_equal_the_whole(result):
     assert everything.swaps is not None
     assert concatenate_ranges(everything.chunks(5), everything.n_frames) == everything
     for wrong in (6, 8):
-        with pytest.raises(ResultError, match=f"of {wrong} frames have 7 frames in all"):
+        with pytest.raises(ResultError, match=f"have 7 frames in total, but the reconstruction has {wrong}"):
             concatenate_ranges(result.chunks(3), wrong)
 
 

@@ -38,7 +38,7 @@ class TestMatching:
 
     def test_never_by_position(self):
         with pytest.raises(
-            MatchError, match=r"View '0' has no camera of its name.*Cameras: left, right.*--camera-order"
+            MatchError, match=r"View '0' matches no camera by name.*Cameras: left, right.*--camera-order"
         ):
             match_views(named(ring(2), "left", "right"), views("0", "1"), Options())
 

@@ -91,7 +91,7 @@ def test_fixed_noise_overrides_standard_deviations(rng):
     options = Options(noise_scale_px=0.5, pairs="labels")
     with_it, without = (triangulate(scene.rig, d, options) for d in (told, scene.detections))
     np.testing.assert_array_equal(with_it.layers["measured"].points_m, without.layers["measured"].points_m)
-    assert any("fix the noise" in note for note in with_it.provenance.notes)
+    assert any("set the noise" in note for note in with_it.provenance.notes)
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, np.inf])

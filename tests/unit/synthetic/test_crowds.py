@@ -385,7 +385,7 @@ class TestSceneOptions:
             ({"scenario": "hug", "duration_s": 5.0}, "at least 16 s"),
             ({"cameras": 1}, "from 2 to 32, got 1"),
             ({"rate_hz": 0.0}, "rate_hz must be a finite number above 0 Hz"),
-            ({"statures_m": (1.7,)}, "one for each of 4 people, got 1"),
+            ({"statures_m": (1.7,)}, "one value for each of 4 people, got 1"),
             ({"statures_m": (1.7, 1.7, 1.7, 17.0)}, "from 0.5 to 2.5 m"),
             ({"detector": DetectorOptions(max_offset_s=0.1)}, "one clock"),
         ],

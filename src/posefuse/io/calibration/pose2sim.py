@@ -58,7 +58,7 @@ def write(rig: CameraRig, path: Path) -> None:
         FileError: if up is not z, or a lens has coefficients other than k1 k2 p1 p2.
     """
     if rig.up_axis != "z":
-        raise FileError(f"the format of Pose2Sim requires z up, and the up axis is {rig.up_axis or 'unknown'}")
+        raise FileError(f"Pose2Sim's format requires the up axis z, but it is {rig.up_axis or 'unknown'}")
     data: dict[str, Any] = {}
     for i, camera in enumerate(rig.cameras):
         # Tables are read in the order of the numbers in their names, so the names keep the order of the cameras.

@@ -135,7 +135,7 @@ def write(rig: CameraRig, path: Path) -> None:
             does not allow.
     """
     if rig.up_axis != "z":
-        raise FileError(f"the format of Qualisys requires z up, and the up axis is {rig.up_axis or 'unknown'}")
+        raise FileError(f"Qualisys's format requires the up axis z, but it is {rig.up_axis or 'unknown'}")
     root = ElementTree.Element("calibration", {"source": "posefuse", "type": "regular"})
     cameras = ElementTree.SubElement(root, "cameras")
     for camera in rig.cameras:

@@ -102,7 +102,10 @@ def read(path: Path, request: Request) -> Detections:
     names = header.cameras if header is not None else sorted(content.names)
     unknown = sorted(set(content.names) - set(names))
     if unknown:
-        raise FileError(f"{path} has detections of {choices(unknown)}, but its first line names {choices(names)}.")
+        raise FileError(
+            f"{path} has detections of cameras that its first line does not list: {choices(unknown)}. It lists "
+            f"{choices(names)}."
+        )
     views = np.array([names.index(name) for name in content.names], dtype=np.int64)
     cells = replace(content.cells, camera=array("q", views[np.array(content.cells.camera, dtype=np.int64)]))
     index = index_of(path, (path,), names, cells, content.n_keypoints)

@@ -30,7 +30,8 @@ class RptOptions:
         min_pairs: Minimum number of pairs that support a person.
         score_steepness: Factor on the relative error in the score 1 / (1 + factor * error).
         max_error_share: Upper limit of a keypoint's reprojection error, as a fraction of the image size.
-        reference_distance_m: Distance from the cameras at which the error counts once; farther away it counts more.
+        reference_distance_m: Distance from the cameras at which the error has weight 1; the weight increases with
+            distance.
         dropped_share: Fraction of a body's worst core keypoints that its score leaves out.
     """
 
@@ -67,7 +68,7 @@ class AssociationOptions:
         min_confidence: Minimum confidence of a keypoint that is used for association.
         min_common: Minimum number of core keypoints that two detections, or a detection and a group, have in common.
         clutter_share: Width of the region in which another person's keypoint may be, as a fraction of the image width.
-        outlier_share: Fraction of a detection's keypoints that are wrong although the person is right.
+        outlier_share: Expected fraction of wrong keypoints in a detection of the right person.
         independent_keypoints: Number of common keypoints beyond which further keypoints add no evidence, because
             errors of neighboring keypoints are correlated.
         join_log_odds: Minimum log-odds at which a detection joins a group.

@@ -50,7 +50,8 @@ def find_subjects(
     tracked = track_subject(rig, detections, subject, options, progress, checkpoint)
     if not tracked.recording_tracks.person_ids:
         raise DetectionsError(
-            "bodies = 'fit' found no frame in which two cameras show the subject well enough to start. Check the "
+            "bodies = 'fit' found no frame in which two cameras show the subject well enough to initialize the body. "
+            "Check the "
             "measured points first (bodies = 'auto')."
         )
     return subject, tracked

@@ -93,7 +93,7 @@ def test_qualisys_is_written_as_qualisys(tmp_path):
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        ({"up_axis": "y"}, "requires z up, and the up axis is y"),
+        ({"up_axis": "y"}, "requires the up axis z, but it is y"),
         ({"cameras": ring(2, "fisheye").cameras}, "has others"),
         ({"cameras": (replace(ring(2).cameras[0], name="a\x01"),)}, "does not allow some characters"),
     ],

@@ -37,7 +37,9 @@ def test_invalid_calibration_error_names_the_location(break_it, kind, words, tmp
 def test_invalid_rotation_is_an_error(tmp_path):
     path = tmp_path / "Calib.qca.txt"
     path.write_text(qualisys_xml(ring(2)).replace('r11="', 'r11="1'))
-    with pytest.raises(CameraError, match=r"Calib\.qca\.txt: Camera 'cam_0': the rotation is not one"):
+    with pytest.raises(
+        CameraError, match=r"Calib\.qca\.txt: Camera 'cam_0': the rotation matrix is not a proper rotation"
+    ):
         read_cameras(path)
 
 

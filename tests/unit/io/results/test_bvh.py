@@ -79,7 +79,7 @@ class TestBvh:
         notes = bvh.write(result, "person_1", tmp_path / "a.bvh")
         assert notes == [
             "person_1: the first frame of the BVH is frame 103 of the recording.",
-            "person_1 is absent in frames 110 to 113: BVH cannot leave out frames, so the last pose is held.",
+            "person_1 is absent in frames 110 to 113: BVH cannot omit frames, so the last pose is held.",
         ]
         found = Bvh(tmp_path / "a.bvh")
         keypoints, joints = joints_of(result, found.names)

@@ -1,6 +1,6 @@
-"""Benchmark of a recording with left/right swaps: labels accepted as given, and corrected.
+"""Compare the errors of recordings with left/right swaps with original and with corrected labels.
 
-``python -m benchmarks.swapped``: the same person, cameras and errors, with and without swaps.
+``python -m benchmarks.left_right_correction``: the same person, cameras and errors, with and without swaps.
 """
 
 import warnings
@@ -36,19 +36,19 @@ def numbers(errors: np.ndarray) -> str:
 
 
 def main() -> None:
-    """Measure and print."""
+    """Run the benchmark and print its results."""
     warnings.simplefilter("ignore")
     print("\nPaired keypoints: median mm, 95 % mm, missing %")
-    print(f"{'noise, cameras, error model, swapped':38}{'labels as given':>21}  {'corrected':>21}")
+    print(f"{'noise, cameras, swaps, share':38}{'original labels':>21}  {'corrected':>21}")
     for name, detector in NOISES.items():
         for cameras in CAMERAS:
-            for law in ("chain", "pair", "body"):
-                for share in SHARES if law == "chain" else SHARES[2:]:
-                    spoiled = replace(detector, swap_share=share, swap_law=law)
-                    scene = simulate(SceneOptions(cameras=cameras, duration_s=DURATION_S, detector=spoiled))
-                    believed, right = (numbers(errors_mm(scene, pairs)) for pairs in ("labels", "enumerate"))
-                    row = f"{name}, {cameras}, {law}, {100 * share:g} %"
-                    print(f"{row:38}{believed}  {right}", flush=True)
+            for swaps in ("chain", "pair", "body"):
+                for share in SHARES if swaps == "chain" else SHARES[2:]:
+                    swapped = replace(detector, swap_share=share, swap_law=swaps)
+                    scene = simulate(SceneOptions(cameras=cameras, duration_s=DURATION_S, detector=swapped))
+                    original, corrected = (numbers(errors_mm(scene, pairs)) for pairs in ("labels", "enumerate"))
+                    row = f"{name}, {cameras}, {swaps}, {100 * share:g} %"
+                    print(f"{row:38}{original}  {corrected}", flush=True)
 
 
 if __name__ == "__main__":

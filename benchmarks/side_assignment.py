@@ -1,13 +1,13 @@
-"""Benchmark of left/right assignment on a walking, a turning and a side-on figure with swapped labels.
+"""Measure the errors of side assignment for a walking, a turning and a side-on figure with swapped labels.
 
-``python -m benchmarks.sides [--seconds N] [--seeds N] [--only NAME,...]``. Cameras in a ring of 4.5 m, 1.5 and 2.5 m
-high, f 1500 px, 5 px noise, 30 Hz, the keypoints of Halpe and of COCO. Labels are swapped a quarter of the time: (a)
-limb by limb, each view by itself, 0.4 s at a time; (b) each pair in each view and frame by itself; (c) whole bodies in
-one view for 1 s. Pairs are solved label-free (``enumerate``) with the true noise. A joint-frame is scored where the two
-joints are over 5 cm apart; it is wrong where its point lies nearer to the other joint's place than to its own (both
-points of a pair taken together where there are two). A single-frame flip is a pair that is wrong in one frame and right
-in the one before and the one after, or the reverse, where that is clear: points about as near to either place, as of
-eyes before three cameras, lie in no order.
+``python -m benchmarks.side_assignment [--seconds N] [--seeds N] [--only NAME,...]``. Cameras form a ring of 4.5 m at
+heights of 1.5 and 2.5 m (f 1500 px, 5 px noise, 30 Hz; keypoints of Halpe and COCO). Labels are swapped a quarter of
+the time: (a) per limb and view, for 0.4 s; (b) per pair, view and frame; (c) whole bodies in one view, for 1 s. Pairs
+are solved without labels (``enumerate``) with the true noise. A joint-frame is scored if the two joints are over 5 cm
+apart. It is wrong if its point is closer to the other joint than to its own; if a pair has two points, both are
+compared together. A single-frame flip is a pair that is wrong in one frame and right in the two neighboring ones, or
+the reverse. Flips are counted only where the order is clear, that is, not where points are about equally far from both
+joints, such as eyes in front of three cameras.
 """
 
 import argparse
@@ -39,7 +39,7 @@ SIGMA_PX = 5.0
 APART_M = 0.05
 SEQUENCES = ("walking", "turning", "side-on")
 LAWS: dict[str, SwapLaw] = {"a": "chain", "b": "pair", "c": "body"}
-ASKED = {8: 0.5, 5: 1.0, 3: 2.0}
+LIMITS_PERCENT = {8: 0.5, 5: 1.0, 3: 2.0}
 
 
 @dataclass(frozen=True)
@@ -47,22 +47,22 @@ class Recording:
     """Solved pairs and their truth.
 
     Attributes:
-        given: what a decision is made from.
+        pairs: the solved pairs.
         truth_m: shape (frame, pair, 2, 3): left and right.
     """
 
-    given: PairSequence
+    pairs: PairSequence
     truth_m: np.ndarray
 
     @property
     def scored(self) -> np.ndarray:
-        """Shape (frame, pair, 2), bool: there, and the two joints far enough apart."""
+        """Whether a joint has a point and the joints are far enough apart, shape (frame, pair, 2), bool."""
         apart = np.linalg.norm(self.truth_m[:, :, 0] - self.truth_m[:, :, 1], axis=-1) > APART_M
-        return np.isfinite(self.given.pairs.points_m).all(axis=-1) & apart[..., None]
+        return np.isfinite(self.pairs.pairs.points_m).all(axis=-1) & apart[..., None]
 
     def distances_m(self, flipped: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Shape (frame, pair), twice: of a pair's points as decided, from their own joints and from each other's."""
-        points = np.where(flipped[..., None, None], self.given.pairs.points_m[:, :, ::-1], self.given.pairs.points_m)
+        """Return the summed distances of a pair's points from their own and the other joints, (frame, pair) each."""
+        points = np.where(flipped[..., None, None], self.pairs.pairs.points_m[:, :, ::-1], self.pairs.pairs.points_m)
         own = np.nansum(np.linalg.norm(points - self.truth_m, axis=-1), axis=-1)
         other = np.nansum(np.linalg.norm(points - self.truth_m[:, :, ::-1], axis=-1), axis=-1)
         return own, other
@@ -98,7 +98,7 @@ class Score:
 def body(sequence: str, seconds: float, skeleton: str, rng: np.random.Generator) -> np.ndarray:
     """Return a figure that walks in a circle, turns on the spot, or walks on a treadmill, shape (frame, keypoint, 3).
 
-    On the treadmill it faces y: the first camera of the ring sees it from the side all the time.
+    On the treadmill it faces y, so that the first camera of the ring always sees it from the side.
     """
     figure = human(1.75)
     motion = HumanMotion.random(("turn",) if sequence == "turning" else ("walk",), rng)
@@ -119,17 +119,17 @@ def recording(
     seconds: float = 20.0,
     seed: int = 0,
 ) -> Recording:
-    """Simulate a figure before a ring of cameras and solve its pairs.
+    """Simulate a figure in a ring of cameras and solve its pairs.
 
     Args:
         sequence: one of SEQUENCES.
-        cameras: how many.
-        law: of the swaps.
-        skeleton: by name.
-        shares: of swaps, of each camera; a quarter by default.
-        faults: also a tenth of keypoints missing, in spells, and a twentieth thrown 30 to 200 px away.
-        seconds: how long.
-        seed: of everything random.
+        cameras: number of cameras.
+        law: model of the swaps.
+        skeleton: name of the skeleton.
+        shares: share of swaps per camera; a quarter by default.
+        faults: also omit a tenth of the keypoints for periods, and displace a twentieth by 30 to 200 px.
+        seconds: duration.
+        seed: random seed.
     """
     rng = np.random.default_rng(seed)
     keypoints = find_skeleton(skeleton)
@@ -140,9 +140,9 @@ def recording(
         swap_share=0.25, swap_law=law, swap_shares=shares,
     )  # fmt: skip
     seen = np.repeat(truth[:, None], cameras, axis=1)
-    given = solved(rig, detect(rig, seen, keypoints, RATE_HZ, errors, rng))
+    pairs = solved(rig, detect(rig, seen, keypoints, RATE_HZ, errors, rng))
     columns = [[keypoints.index(name) for name in pair] for pair in keypoints.pairs]
-    return Recording(given, truth[:, columns])
+    return Recording(pairs, truth[:, columns])
 
 
 def solved(rig: CameraRig, detections: Detections) -> PairSequence:
@@ -159,15 +159,15 @@ def solved(rig: CameraRig, detections: Detections) -> PairSequence:
 
 
 DECISIONS: dict[str, Callable[[PairSequence], np.ndarray]] = {
-    "votes": lambda given: assign_sides(given, "votes", SideOptions()).flipped[:, 0],
-    "chains": lambda given: assign_sides(given, "chains", SideOptions()).flipped[:, 0],
+    "votes": lambda pairs: assign_sides(pairs, "votes", SideOptions()).flipped[:, 0],
+    "chains": lambda pairs: assign_sides(pairs, "chains", SideOptions()).flipped[:, 0],
 }
 
 
 def score(data: Recording, decision: str) -> Score:
     """Score an assignment method on a recording."""
     start = process_time()
-    flipped = DECISIONS[decision](data.given)
+    flipped = DECISIONS[decision](data.pairs)
     spent = process_time() - start
     own, other = data.distances_m(flipped)
     wrong, scored = other < own, data.scored
@@ -176,21 +176,22 @@ def score(data: Recording, decision: str) -> Score:
     changed = (wrong[1:-1] != wrong[:-2]) & (wrong[1:-1] != wrong[2:])
     flips = changed & clear[1:-1] & clear[:-2] & clear[2:]
     return Score(
-        int(scored.sum()), int((scored & wrong[..., None]).sum()), int(flips.sum()), spent, data.given.n_frames
+        int(scored.sum()), int((scored & wrong[..., None]).sum()), int(flips.sum()), spent, data.pairs.n_frames
     )
 
 
-def lines(name: str, asked: float, recordings: Sequence[Recording]) -> str:
-    """Of one set: each decision's share of wrong joint-frames, flips, and time."""
+def lines(name: str, limit_percent: float, recordings: Sequence[Recording]) -> str:
+    """Format the share of wrong joint-frames, flips, and time of each method for one set."""
     cells = []
     for decision in DECISIONS:
         total = sum((score(data, decision) for data in recordings), Score())
         ms = 1000.0 * total.spent_s / total.frames
         cells.append(f"{total.percent:9.3f}{total.flips:7d}{ms:8.2f}")
-    return f"{name:34}{sum(len(data.given.time_s) for data in recordings):7d}{asked:7.1f}" + "".join(cells)
+    return f"{name:34}{sum(len(data.pairs.time_s) for data in recordings):7d}{limit_percent:7.1f}" + "".join(cells)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the benchmark and print its table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--seeds", type=int, default=1)
@@ -198,30 +199,32 @@ def main(arguments: Sequence[str] | None = None) -> None:
     chosen = parser.parse_args(arguments)
     only = chosen.only.split(",")
     print("Wrong joint-frames %, single-frame flips, CPU ms per frame")
-    print(f"{'':34}{'frames':>7}{'asked':>7}" + "".join(f"{name:>9}{'flips':>7}{'ms':>8}" for name in DECISIONS))
+    print(f"{'':34}{'frames':>7}{'limit':>7}" + "".join(f"{name:>9}{'flips':>7}{'ms':>8}" for name in DECISIONS))
 
-    def show(name: str, asked: float, cameras: int, law: str, sequences: Sequence[str], **given: object) -> None:
+    def show(
+        name: str, limit_percent: float, cameras: int, law: str, sequences: Sequence[str], **options: object
+    ) -> None:
         data = [
-            recording(sequence, cameras, LAWS[law], skeleton, seconds=chosen.seconds, seed=seed, **given)  # type: ignore[arg-type]
+            recording(sequence, cameras, LAWS[law], skeleton, seconds=chosen.seconds, seed=seed, **options)  # type: ignore[arg-type]
             for sequence in sequences
             for skeleton in ("halpe_26", "coco_17")
             for seed in range(chosen.seeds)
         ]
-        print(lines(name, asked, data), flush=True)
+        print(lines(name, limit_percent, data), flush=True)
 
     if "rates" in only:
-        for cameras, asked in ASKED.items():
+        for cameras, limit_percent in LIMITS_PERCENT.items():
             for law in LAWS:
                 for sequence in SEQUENCES:
-                    show(f"{cameras} cameras, ({law}) {sequence}", asked, cameras, law, [sequence])
+                    show(f"{cameras} cameras, ({law}) {sequence}", limit_percent, cameras, law, [sequence])
     if "half" in only:
         for law in LAWS:
             show(f"8 cameras, ({law}) 50 % in half", 1.0, 8, law, SEQUENCES, shares=(0.5, 0.25) * 4)
     if "faults" in only:
-        for cameras in ASKED:
+        for cameras in LIMITS_PERCENT:
             show(f"{cameras} cameras, (a) and faults", np.nan, cameras, "a", SEQUENCES, faults=True)
     if "none" in only:
-        for cameras in ASKED:
+        for cameras in LIMITS_PERCENT:
             show(f"{cameras} cameras, no swaps", 0.0, cameras, "a", SEQUENCES, shares=(0.0,) * cameras)
 
 

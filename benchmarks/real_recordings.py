@@ -1,6 +1,6 @@
-"""Real recordings: what share of each camera's observations is rejected, and how far off the others are.
+"""Report the share of rejected observations per camera, and reprojection errors, of real recordings.
 
-``python -m benchmarks.real FOLDER``, the folder of recordings that tests read too.
+``python -m benchmarks.real_recordings FOLDER``, where FOLDER holds the recordings that the tests read.
 """
 
 import argparse
@@ -22,13 +22,13 @@ FLY_SEED = "rng=0.csv"
 
 
 def pose2sim(folder: Path) -> tuple[CameraRig, Detections]:
-    """One person balancing, OpenPose."""
+    """Read one balancing person, OpenPose."""
     rig = posefuse.read_cameras(folder / "pose2sim" / "calibration" / "Calib.qca.txt")
     return rig, posefuse.read_detections(folder / "pose2sim" / "balancing_one_person" / "pose-associated")
 
 
 def fly_3cam(folder: Path) -> tuple[CameraRig, Detections]:
-    """A tethered fly before telephoto lenses, DeepLabCut."""
+    """Read a tethered fly in front of telephoto lenses, DeepLabCut."""
     from posefuse.io.keypoints.columns import ViewColumns, assemble
     from posefuse.io.keypoints.names import skeleton_of
 
@@ -44,7 +44,7 @@ def fly_3cam(folder: Path) -> tuple[CameraRig, Detections]:
 
 
 def deepfly_7cam(folder: Path) -> tuple[CameraRig, Detections]:
-    """A tethered fly, 19 points a side; each camera sees one side, the one in front carries junk."""
+    """Read a tethered fly, 19 points per side; each camera sees one side, and the front camera has unusable points."""
     with np.load(folder / "deepfly_7cam" / "deepfly_7cam.npz") as held:
         content = {name: held[name] for name in held.files}
     cameras = []
@@ -62,22 +62,22 @@ def deepfly_7cam(folder: Path) -> tuple[CameraRig, Detections]:
 
 
 def sleap_mouse(folder: Path, calibration: str = "calibration_0b26179_good.toml") -> tuple[CameraRig, Detections]:
-    """A mouse, SLEAP."""
+    """Read a mouse, SLEAP."""
     rig = posefuse.read_cameras(folder / "sleap_mouse" / calibration, length_unit="mm")
     return rig, posefuse.read_detections(folder / "sleap_mouse")
 
 
 def recordings(folder: Path) -> Iterator[tuple[str, CameraRig, Detections]]:
-    """All of them."""
+    """Yield the name, rig and detections of every recording."""
     yield "pose2sim", *pose2sim(folder)
     yield "fly_3cam", *fly_3cam(folder)
     yield "deepfly_7cam", *deepfly_7cam(folder)
     yield "sleap_mouse", *sleap_mouse(folder)
-    yield "sleap_mouse, broken calibration", *sleap_mouse(folder, "calibration.toml")
+    yield "sleap_mouse, faulty calibration", *sleap_mouse(folder, "calibration.toml")
 
 
 def rejected_shares(result: Reconstruction) -> dict[str, float]:
-    """By camera, of its observations of points that were sought."""
+    """Return the share of rejected observations, of those used or rejected, by camera."""
     status = np.asarray(result.layers["measured"].view_status)
     rejected = (status == ViewStatus.OUTLIER).sum(axis=(0, 1, 2))
     used = (status == ViewStatus.USED).sum(axis=(0, 1, 2))
@@ -86,13 +86,13 @@ def rejected_shares(result: Reconstruction) -> dict[str, float]:
 
 
 def main() -> None:
-    """Print the table, as the documentation holds it."""
+    """Print the table of docs/benchmarks.md."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     folder = parser.parse_args().folder
     print("| recording | rejected, by camera | points missing | median error | noise |\n|---|---|---|---|---|")
     for name, rig, detections in recordings(folder):
-        with warnings.catch_warnings(record=True) as said:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             result = posefuse.reconstruct(rig, detections, Options(solve="frame"))
         layer = result.layers["measured"]
@@ -103,8 +103,8 @@ def main() -> None:
             f"| {name} | {shares} | {100 * (~layer.has_point).mean():.1f} % | "
             f"{np.nanmedian(layer.reprojection_error_px):.2f} px | {np.median(noise.scale_px):.2f} px |"
         )
-        for warning in said:
-            print(f"|   says: | {warning.message} | | | |")
+        for warning in caught:
+            print(f"|   warning: | {warning.message} | | | |")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""Fast motion that a smoother must not take away: a waving hand at 60 fps, and landings at 100 fps.
+"""Measure how well methods preserve fast motion: a waving hand at 60 fps, and landings at 100 fps.
 
-``python -m benchmarks.quick [--no-peer]``. Amplitudes are those of the 3 Hz part of the wrist's way across the body,
-velocities those by central differences, both as shares of the truth's.
+``python -m benchmarks.fast_motion [--no-peer]``. Amplitudes are those of the 3 Hz component of the wrist's lateral
+motion, velocities are central differences; both are relative to the truth.
 """
 
 import argparse
@@ -21,30 +21,30 @@ JUMPS = 6
 _WINDOW_S = 0.15
 
 
-def kept_amplitude(found: Path3D, data: Walk, start_s: float, end_s: float) -> str:
-    """The wrist's 3 Hz amplitude between two times, over the truth's."""
+def amplitude_ratio(found: Path3D, data: Walk, start_s: float, end_s: float) -> str:
+    """Format the ratio of the wrist's 3 Hz amplitude between two times to the truth's, and the wrist's errors."""
     during = (data.times_s >= start_s) & (data.times_s <= end_s)
     wrist = find_skeleton(data.skeleton).index("right_wrist")
     paths = found.points_m[during, wrist], data.points_m[during, wrist]
     across = np.linalg.svd(paths[1] - paths[1].mean(axis=0), full_matrices=False)[2][0]
-    ours, true = (amplitude(path @ across, data.times_s[during]) for path in paths)
+    ours, true = (wave_amplitude(path @ across, data.times_s[during]) for path in paths)
     error = 1000 * np.linalg.norm(paths[0] - paths[1], axis=1)
     return (
         f"amplitude {100 * ours / true:6.1f} %   wrist median {np.nanmedian(error):5.1f} mm, p99 {p99(error):5.1f} mm"
     )
 
 
-def amplitude(way_m: np.ndarray, time_s: np.ndarray) -> float:
-    """Of the 3 Hz part, by least squares."""
-    there = np.isfinite(way_m)
+def wave_amplitude(path_m: np.ndarray, time_s: np.ndarray) -> float:
+    """Return the amplitude of the 3 Hz component by least squares."""
+    there = np.isfinite(path_m)
     phase = 2 * np.pi * motions.WAVE_HZ * time_s[there]
     basis = np.stack([np.sin(phase), np.cos(phase), np.ones_like(phase), time_s[there]], axis=1)
-    found = np.linalg.lstsq(basis, way_m[there], rcond=None)[0]
+    found = np.linalg.lstsq(basis, path_m[there], rcond=None)[0]
     return float(np.hypot(found[0], found[1]))
 
 
-def kept_velocity(found: Path3D, data: Walk) -> str:
-    """The ankles' fastest fall of every landing, over the truth's: mean, and spread from landing to landing."""
+def velocity_ratio(found: Path3D, data: Walk) -> str:
+    """Format the ratio of the ankles' largest falling velocity to the truth's: mean and spread over landings."""
     skeleton = find_skeleton(data.skeleton)
     ankles = [skeleton.index(f"{side}_ankle") for side in ("left", "right")]
     ours, true = (np.gradient(points[:, ankles, 2], data.times_s, axis=0) for points in (found.points_m, data.points_m))
@@ -65,37 +65,39 @@ def kept_velocity(found: Path3D, data: Walk) -> str:
 
 
 def p99(error: np.ndarray) -> float:
-    """Its 99 % percentile, of what is there."""
+    """Return the 99th percentile of the finite values."""
     return float(np.nanpercentile(error, 99))
 
 
 CASES: dict[str, tuple[Callable[[], Walk], Callable[[Path3D, Walk], str]]] = {
     "waving throughout": (
         lambda: motions.waving(WAVE_FRAMES),
-        lambda found, data: kept_amplitude(found, data, 1.0, 9.0),
+        lambda found, data: amplitude_ratio(found, data, 1.0, 9.0),
     ),
-    "waving from 4 to 6 s, else at rest": (
+    "waving from 4 to 6 s, otherwise at rest": (
         lambda: motions.waving(WAVE_FRAMES, start_s=4.0, end_s=6.0),
-        lambda found, data: kept_amplitude(found, data, 4.3, 5.7),
+        lambda found, data: amplitude_ratio(found, data, 4.3, 5.7),
     ),
-    "landing, feet stopped in 0.04 s": (lambda: motions.landing(JUMPS), kept_velocity),
-    "landing, feet stopped in 0.02 s": (lambda: motions.landing(JUMPS, absorb_s=0.02), kept_velocity),
+    "landing, feet stopped in 0.04 s": (lambda: motions.landing(JUMPS), velocity_ratio),
+    "landing, feet stopped in 0.02 s": (lambda: motions.landing(JUMPS, absorb_s=0.02), velocity_ratio),
 }
 
 
 def main() -> None:
-    """Measure and print."""
+    """Run the benchmark and print its results."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--no-peer", action="store_true", help="without aniposelib, which takes a minute a recording")
+    parser.add_argument("--no-peer", action="store_true", help="skip aniposelib, which takes a minute per recording")
     given = parser.parse_args()
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     warnings.simplefilter("ignore")
-    for name, (make, kept) in CASES.items():
+    for name, (make, measure) in CASES.items():
         data = make()
         print(f"\n{name}, {len(data.points_m)} frames")
         for method, found in methods(data, not given.no_peer):
-            print(f"{method:32}{kept(found, data)}   all median {Score.of(found, data).median_mm:5.2f} mm", flush=True)
+            print(
+                f"{method:32}{measure(found, data)}   all median {Score.of(found, data).median_mm:5.2f} mm", flush=True
+            )
 
 
 if __name__ == "__main__":
