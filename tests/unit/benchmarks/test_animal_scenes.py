@@ -88,5 +88,5 @@ def test_what_makes_no_scene_is_an_error() -> None:
         AnimalOptions(animals=1, cameras=1)
     with pytest.raises(OptionsError, match="must be positive"):
         AnimalOptions(rate_hz=0.0)
-    with pytest.raises(SkeletonError, match="no animal can be made of it"):
+    with pytest.raises(SkeletonError, match="which a simulated animal needs"):
         simulate_animals(AnimalOptions(skeleton="coco_wholebody_133"))
