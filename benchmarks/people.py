@@ -126,10 +126,10 @@ def follow(
     """Track all people, frame by frame.
 
     Args:
-        scene: what is followed.
-        tracker: that has not followed anything yet.
-        smoothed: whether people are scored as all frames together have them, in the frames in which they were active.
-        scoring: what is asked of the scores.
+        scene: scene to track.
+        tracker: new tracker.
+        smoothed: whether the smoothed people are scored, in frames in which they were active.
+        scoring: options of the scores.
     """
     told: list[People] = []
     history = History(tracker.settings)
@@ -219,7 +219,7 @@ def is_right(data: PeoplePoints) -> bool:
         ValueError: if the data have no times.
     """
     if data.time_s is None:
-        raise ValueError("Identities at the end need the times of frames; these points have none.")
+        raise ValueError("Comparing identities at the end needs the times of frames, which these points lack.")
     here, found = is_here(data.truth_m), is_here(data.points_m)
     person = matches_of(mean_distances_m(data.points_m, data.truth_m), found, here, _GATE_M).person
     for t in range(person.shape[1]):
@@ -249,7 +249,7 @@ def _ghost(scores: PeopleScores) -> int:
 
 
 HEAD = (
-    "| scene | seeds | identities right | switches | fragments | recall, % | longest ghost, frames | MPJPE, mm "
+    "| scene | seeds | correct identities | switches | fragments | recall, % | longest ghost, frames | MPJPE, mm "
     "| inside 68 / 95 % region | NEES | jitter ratio | ms/frame | baseline: MPJPE, mm | switches |\n"
     "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|"
 )
@@ -406,7 +406,7 @@ ABLATIONS = (
 )
 
 ABLATION_HEAD = (
-    "| | scene | identities right | switches | fragments | recall, % | longest ghost, frames | MPJPE, mm "
+    "| | scene | correct identities | switches | fragments | recall, % | longest ghost, frames | MPJPE, mm "
     "| inside 68 / 95 % region | NEES |\n|---|---|---|---|---|---|---|---|---|---|"
 )
 

@@ -84,9 +84,9 @@ def test_second_detector_has_other_keypoints(scene: CrowdScene) -> None:
 def test_invalid_scenes_are_errors() -> None:
     with pytest.raises(OptionsError, match="No scenario 'tank'"):
         AnimalOptions(scenario="tank")  # type: ignore[arg-type]
-    with pytest.raises(OptionsError, match="2 cameras at least, got animals=1, cameras=1"):
+    with pytest.raises(OptionsError, match="1 animal and 2 cameras, got animals=1, cameras=1"):
         AnimalOptions(animals=1, cameras=1)
     with pytest.raises(OptionsError, match="must be positive"):
         AnimalOptions(rate_hz=0.0)
-    with pytest.raises(SkeletonError, match="no animal can be made of it"):
+    with pytest.raises(SkeletonError, match="which a simulated animal needs"):
         simulate_animals(AnimalOptions(skeleton="coco_wholebody_133"))

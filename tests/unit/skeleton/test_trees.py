@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from posefuse.kernels.tracking import body_kinematics
+from posefuse.kernels.tracking.records import Pose
 from posefuse.skeleton.skeletons import shipped_skeleton, shipped_skeletons
 from posefuse.skeleton.tree_tables import parse_tree
 from posefuse.skeleton.trees import ADULT_M, CONE, HINGE, TWIST, Tree
+from posefuse.tracking.body_states import body_of
 from tests.kernels import from_python
 
 locate = from_python(body_kinematics.locate_nodes)
@@ -42,7 +44,7 @@ def at_rest(tree: Tree) -> dict[str, np.ndarray]:
     bones[:, :, 2] = tree.rest
     points = np.empty((len(tree.nodes), 3))
     turns = np.tile(np.eye(3), (len(tree.segments), 1, 1))
-    locate(*tree.packed[:6], np.zeros(3), turns, bones, np.asarray(tree.shape_m), points)
+    locate(body_of(tree), Pose(np.zeros(3), turns, bones, np.asarray(tree.shape_m)), points)
     return {node.name: point for node, point in zip(tree.nodes, points, strict=True)}
 
 
