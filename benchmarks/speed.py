@@ -42,13 +42,14 @@ def median_cpu_s(work, runs: int = RUNS) -> float:
 
 def kernel_rate(lens: LensKind, frames: int = 8000) -> float:
     """Return the points per second of the kernel of ``simple`` with 5 views, including all its outputs."""
+    from posefuse.kernels.records import NoiseParameters, Observations, TriangulatedPoints
     from posefuse.kernels.triangulation.all_views import triangulate_views
 
     data = walk(frames, lens=lens)
     keypoints = np.ascontiguousarray(data.pixels.reshape(-1, 26, 2))
     confidence = np.ascontiguousarray(data.confidence.reshape(-1, 26))
     rows = np.arange(frames * 5).reshape(frames, 5)
-    out = (
+    out = TriangulatedPoints(
         np.empty((frames, 26, 3)),
         np.empty((frames, 26, 6)),
         np.empty((frames, 26), np.int8),
@@ -56,10 +57,8 @@ def kernel_rate(lens: LensKind, frames: int = 8000) -> float:
         np.empty((frames, 26, 5), np.float32),
         np.empty((frames, 26)),
     )
-    scale = np.full(5, 2.0)
-    spent = median_cpu_s(
-        lambda: triangulate_views(*data.rig.packed, keypoints, confidence, rows, scale, 0.0, 0.0, 3, *out)
-    )
+    observations, noise = Observations(keypoints, confidence, rows), NoiseParameters(np.full(5, 2.0), 0.0, 0.0)
+    spent = median_cpu_s(lambda: triangulate_views(data.rig.packed, observations, noise, 3, out))
     return frames * 26 / spent
 
 

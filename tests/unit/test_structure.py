@@ -8,6 +8,8 @@ import pytest
 from tests.conftest import ROOT
 
 MOST_LINES, MOST_BODY, MOST_KERNEL_BODY, MOST_ARGUMENTS = 400, 50, 80, 8
+MOST_SCALARS = 13
+"""The most arguments of inlined scalar arithmetic in kernels, which takes numbers one by one."""
 SOURCES = sorted((ROOT / "src" / "posefuse").rglob("*.py"))
 
 
@@ -27,6 +29,10 @@ def n_arguments(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
     return len([name for name in names if name not in ("self", "cls")])
 
 
+def is_inline(function: ast.FunctionDef | ast.AsyncFunctionDef) -> bool:
+    return "inline" in [ast.unparse(each) for each in function.decorator_list]
+
+
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT / "src")))
 def test_file_and_functions_stay_below_the_size_limits(path: Path):
     kernel = "kernels" in path.parts
@@ -35,8 +41,8 @@ def test_file_and_functions_stay_below_the_size_limits(path: Path):
     too_wide = [
         f"{each.name}: {n_arguments(each)} arguments"
         for each in functions_of(path)
-        if n_arguments(each) > MOST_ARGUMENTS
+        if n_arguments(each) > (MOST_SCALARS if kernel and is_inline(each) else MOST_ARGUMENTS)
     ]
     assert path.read_text("utf-8").count("\n") <= MOST_LINES
     assert not too_long
-    assert kernel or not too_wide
+    assert not too_wide

@@ -76,7 +76,7 @@ def compute_rows(
     residual, by_point = np.empty((n, 2)), np.empty((n, 2, 3))
     by_lens, status = np.empty((n, 2, LENS_PARAMETERS)), np.empty(n, dtype=np.int64)
     points = points_m[observations.point]
-    bundle_rows(rig.packed[0], observations.view, points, observations.pixels, residual, by_point, by_lens, status)
+    bundle_rows(rig.packed.array, observations.view, points, observations.pixels, residual, by_point, by_lens, status)
     weight = 1.0 / (observations.sigma_px * scale[observations.view])
     unseen = status != lens.OK
     for array in (residual, by_point, by_lens):

@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 
 from posefuse.kernels.left_right.orientation import link_costs
+from posefuse.kernels.left_right.records import LinkModel, PairMemory
 from posefuse.left_right.estimates import SideModel, symmetry_cosines
 from posefuse.left_right.layout import Layout
 from posefuse.left_right.person_sequence import PersonSequence
@@ -47,9 +48,9 @@ class LastObservations:
         )
 
     @property
-    def arrays(self) -> tuple[np.ndarray, ...]:
+    def arrays(self) -> PairMemory:
         """Return the arrays as the kernels take them, for writing."""
-        return self.points_m, self.covariance_m2, self.points_s, self.odds, self.odds_s
+        return PairMemory(self.points_m, self.covariance_m2, self.points_s, self.odds, self.odds_s)
 
 
 def label_weights(layout: Layout, model: SideModel) -> np.ndarray:
@@ -73,10 +74,11 @@ def linkage_costs(sequence: PersonSequence, layout: Layout, model: SideModel) ->
     Cues are bone lengths, parallel vectors, and the correlation of labels within a chain.
     """
     out = np.empty((len(sequence.time_s), len(layout.links)))
-    link_costs(
-        sequence.points, sequence.odds, layout.links, model.length, model.length_sd, model.direction_cosine,
-        model.direction_cosine_sd, _label_agreement(layout, model), _MAX_BONE_COST, _BONE_WEIGHT, out,
+    links = LinkModel(
+        layout.links, model.length, model.length_sd, model.direction_cosine, model.direction_cosine_sd,
+        _label_agreement(layout, model),
     )  # fmt: skip
+    link_costs(sequence.points, sequence.odds, links, _MAX_BONE_COST, _BONE_WEIGHT, out)
     return out
 
 

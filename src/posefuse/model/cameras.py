@@ -14,6 +14,7 @@ import numpy as np
 
 from posefuse.arrays import PickledByFields, frozen, same
 from posefuse.errors import CameraError, MatchError, choices, suggestion
+from posefuse.kernels.records import CameraArrays
 
 UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]
 UP_AXES: tuple[UpAxis, ...] = get_args(UpAxis)
@@ -262,17 +263,12 @@ class CameraRig(PickledByFields):
         return replace(self, cameras=tuple(self[name] for name in names))
 
     @cached_property
-    def packed(self) -> tuple[np.ndarray, bool | None, bool | None]:
-        """The cameras as kernels read them.
-
-        Returns:
-            The camera array, shape (view, COLUMNS); and whether any lens is distorted and any is a fisheye: None if
-            not, so that kernels are compiled without that lens, which saves a quarter of the time.
-        """
+    def packed(self) -> CameraArrays:
+        """The cameras as kernels read them, compiled without the lenses that the rig lacks: a quarter of the time."""
         lenses = {camera.lens for camera in self.cameras}
         distorted = True if lenses & {LensModel.BROWN, LensModel.RATIONAL} else None
         fisheye = True if LensModel.FISHEYE in lenses else None
-        return frozen(np.stack([camera.packed for camera in self.cameras])), distorted, fisheye
+        return CameraArrays(frozen(np.stack([camera.packed for camera in self.cameras])), distorted, fisheye)
 
     def project(self, points_m: np.ndarray) -> np.ndarray:
         """Project world points into every view: (..., 3) in meters to (view, ..., 2) in px, NaN where undefined."""

@@ -10,7 +10,7 @@ point, because floors are level. The height needs a calibration with a known up 
 import numpy as np
 
 from posefuse.kernels.tracking.posture_statistics import lowest_point, update_height_statistics, update_lean_statistics
-from posefuse.kernels.tracking.records import State
+from posefuse.kernels.tracking.records import LeanStatistics, State
 from posefuse.model.cameras import up_vector
 from posefuse.tracking.body_states import ProjectedBodies, select_states, set_state
 from posefuse.tracking.records import RecentHistory
@@ -31,10 +31,9 @@ def observe_posture(
         settings: Settings of the tracker.
     """
     if state.turns.shape[1]:
-        update_lean_statistics(
-            state.turns, state.bones, n_views > 1, dt_s, settings.options.single_view.history_s,
-            recent.posture_observed_s, recent.leans, recent.leans_variance, recent.trunk_axis,
-        )  # fmt: skip
+        statistics = LeanStatistics(recent.posture_observed_s, recent.leans, recent.leans_variance, recent.trunk_axis)
+        memory_s = settings.options.single_view.history_s
+        update_lean_statistics(state.turns, state.bones, n_views > 1, dt_s, memory_s, statistics)
 
 
 def observe_height(

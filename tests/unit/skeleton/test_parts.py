@@ -6,11 +6,13 @@ import pytest
 from posefuse.errors import SkeletonError
 from posefuse.io.netcdf import skeleton_from_text, skeleton_text
 from posefuse.kernels.tracking import body_kinematics
+from posefuse.kernels.tracking.records import Pose
 from posefuse.kinematics.initial_pose import pose_from_points
 from posefuse.skeleton.parts import Part, parse_parts
 from posefuse.skeleton.skeletons import parse_skeleton, shipped_skeleton, shipped_skeletons
 from posefuse.skeleton.tree_tables import parse_tree
 from posefuse.skeleton.trees import HINGE, Tree
+from posefuse.tracking.body_states import body_of
 from tests.kernels import from_python
 
 locate = from_python(body_kinematics.locate_nodes)
@@ -26,7 +28,7 @@ def standing(tree: Tree, tips: np.ndarray | None = None) -> np.ndarray:
     bones[:, :, 2] = tree.rest if tips is None else tips
     points = np.empty((len(tree.nodes), 3))
     turns = np.tile(np.eye(3), (len(tree.segments), 1, 1))
-    locate(*tree.packed[:6], np.zeros(3), turns, bones, np.array(tree.shape_m), points)
+    locate(body_of(tree), Pose(np.zeros(3), turns, bones, np.array(tree.shape_m)), points)
     return points
 
 

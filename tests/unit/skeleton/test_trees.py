@@ -7,10 +7,12 @@ import pytest
 
 from posefuse.errors import SkeletonError
 from posefuse.kernels.tracking import body_kinematics
+from posefuse.kernels.tracking.records import Pose
 from posefuse.skeleton.skeletons import parse_skeleton, shipped_skeleton, shipped_skeletons
 from posefuse.skeleton.tree_tables import parse_tree, shared_body
 from posefuse.skeleton.trees import ADULT_M, CONE, HINGE, TWIST, Tree
 from posefuse.skeleton.trees_from_edges import spanning_tree
+from posefuse.tracking.body_states import body_of
 from tests.kernels import from_python
 
 locate = from_python(body_kinematics.locate_nodes)
@@ -46,7 +48,7 @@ def at_rest(tree: Tree) -> dict[str, np.ndarray]:
     bones[:, :, 2] = tree.rest
     points = np.empty((len(tree.nodes), 3))
     turns = np.tile(np.eye(3), (len(tree.segments), 1, 1))
-    locate(*tree.packed[:6], np.zeros(3), turns, bones, np.asarray(tree.shape_m), points)
+    locate(body_of(tree), Pose(np.zeros(3), turns, bones, np.asarray(tree.shape_m)), points)
     return {node.name: point for node, point in zip(tree.nodes, points, strict=True)}
 
 

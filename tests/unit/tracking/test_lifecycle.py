@@ -78,7 +78,7 @@ def test_inside_is_where_two_views_overlap(x_m, inside):
     track, body = tracked_person(settings, TrackState.LOST)
     body.root[0, 0] = x_m
     projected = ProjectedBodies.allocate(1, len(RIG), len(SKELETON))
-    project_people(settings.cameras, settings.body, body, *projected.arrays)
+    project_people(settings.cameras, settings.body, body, projected.arrays)
     update_last_inside([track], projected, 5.0, settings)
     assert (track.last_inside_s == 5.0) == inside
 

@@ -38,7 +38,7 @@ def standing_px(tracker: ArticulatedTracker) -> np.ndarray:
     points[SKELETON.index("mid_hip")] = [0.1, 0.2, 0.95]
     body = initial_state(tree, points, np.asarray(tree.shape_m), tree.shape_covariance, tracker.settings.options.motion)
     projected = ProjectedBodies.allocate(1, len(RIG), len(SKELETON))
-    project_people(tracker.settings.cameras, tracker.settings.body, body, *projected.arrays)
+    project_people(tracker.settings.cameras, tracker.settings.body, body, projected.arrays)
     return projected.pixels[0]
 
 

@@ -158,7 +158,7 @@ def settings_with_up(up: UpAxis | None) -> TrackerSettings:
 
 def project(state: State, settings: TrackerSettings) -> ProjectedBodies:
     projected = ProjectedBodies.allocate(len(state.root), 0, len(settings.skeleton))
-    project_people(settings.cameras[:0], settings.body, state, *projected.arrays)
+    project_people(settings.cameras[:0], settings.body, state, projected.arrays)
     return projected
 
 

@@ -37,7 +37,7 @@ def standing(
     body = initial_state(tree, points, size * tree.shape_m, tree.shape_covariance, settings.options.motion)
     posed(body)
     projected = ProjectedBodies.allocate(1, len(RIG), len(SKELETON))
-    project_people(settings.cameras, settings.body, body, *projected.arrays)
+    project_people(settings.cameras, settings.body, body, projected.arrays)
     trust = np.ones((len(RIG), len(SKELETON)))
     return [
         Observation(
@@ -108,5 +108,5 @@ def test_leg_seen_late_is_fitted(thigh):
         each.keypoints_px[:, leg], each.points_m[leg] = np.nan, np.nan
     state = fit_body(seen, settings)[0]
     projected = ProjectedBodies.allocate(1, 0, len(SKELETON))
-    project_people(settings.cameras[:0], settings.body, state, *projected.arrays)
+    project_people(settings.cameras[:0], settings.body, state, projected.arrays)
     np.testing.assert_allclose(projected.points_m[0, leg], seen[-1].points_m[leg], atol=0.05)

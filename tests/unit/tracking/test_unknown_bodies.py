@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from posefuse.errors import SkeletonError
 from posefuse.kernels.tracking import body_kinematics
+from posefuse.kernels.tracking.records import Pose
 from posefuse.kinematics.initial_pose import pose_from_points
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import Options
@@ -20,6 +21,7 @@ from posefuse.synthetic.crowds import crowd_of_points
 from posefuse.synthetic.figures import creature
 from posefuse.synthetic.motions import CreatureMotion
 from posefuse.synthetic.rigs import build_rig
+from posefuse.tracking.body_states import body_of
 from posefuse.tracking.unknown_bodies import measured_tree
 from tests.kernels import from_python
 
@@ -149,8 +151,8 @@ def test_initial_pose_fits_points_of_any_size(name, rng):
     turns = Rotation.random(len(tree.segments), rng=rng).as_matrix()
     bones = Rotation.random(len(tree.bones), rng=rng).as_matrix()
     nodes, again = np.empty((len(tree.nodes), 3)), np.empty((len(tree.nodes), 3))
-    locate(*tree.packed[:6], rng.normal(size=3), turns, bones, shape, nodes)
+    locate(body_of(tree), Pose(rng.normal(size=3), turns, bones, shape), nodes)
     points = np.where(has[:, None], nodes[tree.keypoint_nodes], np.nan)
-    locate(*tree.packed[:6], *pose_from_points(tree, points, shape), shape, again)
+    locate(body_of(tree), Pose(*pose_from_points(tree, points, shape), shape), again)
     off = np.linalg.norm(again[tree.keypoint_nodes[has]] - points[has], axis=-1)
     assert off.max() < 0.05 * tree.size_m

@@ -145,7 +145,7 @@ def test_keypoints_without_confidence_do_not_count() -> None:
 
 def predict_states(state: State, dt_s: float) -> None:
     s = SETTINGS
-    predict_people(np.array([dt_s]), s.decay_s, s.power, s.most, s.options.motion.shape_walk, state)
+    predict_people(np.array([dt_s]), s.motion, state)
 
 
 def test_the_prior_is_the_process_noise_since_the_last_update() -> None:
