@@ -132,7 +132,7 @@ def test_error_model_is_calibrated_by_leaving_views_out(exponent, nu, rng):
 
 def test_calibration_with_too_few_points_is_an_error(rng):
     rig = ring(4)
-    with pytest.raises(DetectionsError, match="seen by three views that agree"):
+    with pytest.raises(DetectionsError, match="seen by three agreeing views"):
         calibrate_noise(rig, simulate_detections(rig, body_points(rng, 1), rng))
 
 
