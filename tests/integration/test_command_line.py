@@ -311,7 +311,7 @@ class TestBadInput:
         (recording / "keypoints.nc").unlink()
         write_openpose(recording / "pose", clean_scene.detections)
         arguments = ["--rate-hz", "30", "--skeleton", "coco_17"]
-        words = ["has 26 keypoints per person, skeleton coco_17 has 17"]
+        words = ["has 26 keypoints per person, but skeleton coco_17 has 17"]
         refused("reconstruct", recording, "-o", tmp_path / "o", *arguments, words=words)
 
     def test_output_that_is_not_a_result(self, refused, recording, tmp_path):

@@ -126,7 +126,7 @@ def test_people_of_different_lengths_are_an_error(tmp_path):
     content = json.loads(file.read_text())
     content[1]["keypoints"] = content[1]["keypoints"][:-3]
     file.write_text(json.dumps(content))
-    with pytest.raises(FileError, match=r"left.json, frame 0: a person has 16 keypoints, others have 17"):
+    with pytest.raises(FileError, match=r"left.json, frame 0: a person has 16 keypoints, but others have 17"):
         read_detections(folder)
 
 
