@@ -75,7 +75,7 @@ TESTED_ELSEWHERE = {
         "io/keypoints/*.py",
         "io/pandas_tables.py",
     ),
-    "unit/io/keypoints/test_openpose.py": ("io/keypoints/openpose_writing.py",),
+    "properties/test_keypoint_round_trips.py": ("io/keypoints/openpose_writing.py",),
     "unit/io/results/test_bvh.py": (
         "biomechanics/animation_figures.py",
         "io/results/clips.py",
