@@ -1,4 +1,4 @@
-"""Accuracy against the oracle, and the gate on it.
+"""Measure accuracy relative to the oracle, and compare it with the baseline.
 
 The oracle is the maximum-likelihood point of the true inliers, found by SciPy through the whole lens model with the
 true noise. ``python -m benchmarks.accuracy`` measures, prints and compares with ``baseline.json``; ``--update``
@@ -127,7 +127,7 @@ def shortfalls(found: dict[str, dict[str, float]], baseline: dict[str, dict[str,
 
 
 def main() -> int:
-    """Measure, print and compare with the baseline."""
+    """Measure and print accuracy, and compare it with the baseline."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--update", action="store_true", help="replace the baseline by this measurement")
     update = parser.parse_args().update

@@ -1,7 +1,7 @@
-"""Several animals in an arena, or in a tank without any up: they run, stop, meet, follow and climb over each other.
+"""Simulate several animals in an arena, or in a tank without a vertical: they run, stop, meet, follow and climb.
 
-Bodies are those of a skeleton's own tree, each animal of another size and build; skin slides over them. Everything is
-made on a time grid of its own, so that a scene is the same at every frame rate.
+Bodies follow the tree of a skeleton; size and proportions differ between animals, and keypoints slide with the skin.
+Motion is simulated on a fixed time grid, so that a scene does not depend on the frame rate.
 """
 
 from dataclasses import dataclass, field, replace
@@ -27,7 +27,7 @@ ANIMAL_SCENARIOS: tuple[AnimalScenario, ...] = get_args(AnimalScenario)
 
 _GRID_HZ = 100.0
 _SIZE_PX, _FOCAL_SHARE = (1280, 1024), 1.15
-# Of the largest extent, as shares of a body.
+# Shares of the largest extent of a body.
 _GAP, _LIFT, _OVER = 0.3, 0.28, 0.6
 _CONTACT_SHARE, _CLIMB_SHARE = 0.45, 0.4
 
@@ -37,11 +37,11 @@ class AnimalOptions:
     """Options of a simulated scene with several animals.
 
     Attributes:
-        scenario: ``arena``: all run about on a floor, stop, meet and climb over each other; ``still``: one of them does
-            not leave its place; ``free``: a tank or the air, in which bodies turn any way up.
+        scenario: ``arena``: all run on a floor, stop, meet and climb over each other; ``still``: one of them stays in
+            place; ``free``: a tank or the air, in which bodies take any orientation.
         animals: Number of animals.
-        cameras: How many, evenly around, at two heights.
-        duration_s: How long.
+        cameras: Number of cameras, evenly spaced on a circle at two heights.
+        duration_s: Duration.
         rate_hz: Frames per second.
         arena_m: Width of the arena or tank.
         skeleton: Skeleton whose tree the bodies use.
@@ -66,7 +66,7 @@ class AnimalOptions:
             raise OptionsError(f"No scenario {self.scenario!r}. {suggestion(self.scenario, ANIMAL_SCENARIOS)}")
         if not (self.animals >= 1 and self.cameras >= 2):
             raise OptionsError(
-                f"Needs 1 animal and 2 cameras at least, got animals={self.animals}, cameras={self.cameras}."
+                f"A scene needs at least 1 animal and 2 cameras, got animals={self.animals}, cameras={self.cameras}."
             )
         if not (self.duration_s > 0 and self.rate_hz > 0 and self.arena_m > 0):
             raise OptionsError(
@@ -87,7 +87,7 @@ def simulate_animals(options: AnimalOptions | None = None) -> CrowdScene:
     tree = skeleton.tree
     if tree is None or not tree.segments or (tree.keypoint_nodes < 0).any():
         raise SkeletonError(
-            f"Skeleton {skeleton.name!r} has no tree with segments and all keypoints: no animal can be made of it."
+            f"Skeleton {skeleton.name!r} has no tree with segments and all keypoints, which a simulated animal needs."
         )
     motion_seed, detector_seed = np.random.SeedSequence(options.seed).spawn(2)
     rng = np.random.default_rng(motion_seed)
@@ -102,16 +102,16 @@ def simulate_animals(options: AnimalOptions | None = None) -> CrowdScene:
 
 
 def animal_rig(n_cameras: int, arena_m: float) -> CameraRig:
-    """Cameras of 1280 x 1024 around an arena that fills their images, low and high ones in turn."""
+    """Return cameras of 1280 x 1024 px around an arena that fills their images, alternately low and high."""
     width, height = _SIZE_PX
     matrix = np.array(
         [[_FOCAL_SHARE * width, 0, (width - 1) / 2], [0, _FOCAL_SHARE * width, (height - 1) / 2], [0, 0, 1]]
     )
     angle = 2.0 * np.pi * np.arange(n_cameras) / n_cameras + 0.3
     high = np.where(np.arange(n_cameras) % 2, 1.3, 0.7)
-    centres = arena_m * np.stack([1.5 * np.cos(angle), 1.5 * np.sin(angle), high], axis=1)
+    centers = arena_m * np.stack([1.5 * np.cos(angle), 1.5 * np.sin(angle), high], axis=1)
     cameras = tuple(
-        Camera(f"cam_{i}", _SIZE_PX, matrix, look_at(centre, np.zeros(3))) for i, centre in enumerate(centres)
+        Camera(f"cam_{i}", _SIZE_PX, matrix, look_at(center, np.zeros(3))) for i, center in enumerate(centers)
     )
     return CameraRig(cameras, up_axis="z", source="simulated")
 
@@ -120,9 +120,9 @@ def renamed(scene: CrowdScene, skeleton: Skeleton, of: dict[str, str]) -> CrowdS
     """Return the scene as observed by another detector with other keypoints.
 
     Args:
-        scene: of some skeleton.
-        skeleton: of the other detector.
-        of: by keypoint of ``skeleton``, which of the scene's it is.
+        scene: the scene.
+        skeleton: skeleton of the other detector.
+        of: keypoint of the scene for each keypoint of ``skeleton``.
     """
     columns = [scene.truth.skeleton.index(of[name]) for name in skeleton.keypoints]
     seen = replace(
@@ -142,12 +142,12 @@ def renamed(scene: CrowdScene, skeleton: Skeleton, of: dict[str, str]) -> CrowdS
 
 @dataclass(frozen=True)
 class _Way:
-    """Where an animal goes: shape (step, ...) on the grid.
+    """Path of an animal, shape (step, ...) on the time grid.
 
     Attributes:
         root_m: shape (step, 3).
         turn: shape (step, 3, 3): world from body.
-        speed: shape (step,), bodies a second.
+        speed: shape (step,), body lengths per second.
     """
 
     root_m: np.ndarray
@@ -156,7 +156,7 @@ class _Way:
 
 
 def _positions(tree: Tree, options: AnimalOptions, rng: np.random.Generator) -> np.ndarray:
-    """Shape (step, animal, node, 3)."""
+    """Return the positions of all animals, shape (step, animal, node, 3)."""
     n_steps = int(np.ceil(options.duration_s * _GRID_HZ)) + 5
     sizes = rng.uniform(0.9, 1.1, options.animals)
     make = _in_a_tank if options.scenario == "free" else _on_a_floor
@@ -186,7 +186,7 @@ def _on_a_floor(tree: Tree, options: AnimalOptions, n_steps: int, rng: np.random
 
 
 def _heading(velocity: np.ndarray, speed: np.ndarray, now: float) -> np.ndarray:
-    """Shape (step,): it turns to where it goes, in a tenth of a second where it runs."""
+    """Return the heading, shape (step,), which follows the direction of motion, within 0.1 s while running."""
     heading = np.empty(len(velocity))
     to, will = np.arctan2(velocity[:, 1], velocity[:, 0]), np.minimum(1.0, speed) ** 2 / (0.1 * _GRID_HZ)
     for step in range(len(heading)):
@@ -210,7 +210,7 @@ def _in_a_tank(tree: Tree, options: AnimalOptions, n_steps: int, rng: np.random.
 
 
 def _body(tree: Tree, size: float, way: _Way, rng: np.random.Generator) -> np.ndarray:
-    """Shape (step, node, 3): a body of its own build on its way, its skin sliding over it."""
+    """Return the nodes of a body with random proportions on its path, with sliding skin, shape (step, node, 3)."""
     n_steps = len(way.root_m)
     shape = size * tree.shape_m * np.exp(rng.normal(0.0, 0.05, tree.n_shape))
     own = np.append(shape, 0.0)
@@ -227,7 +227,7 @@ def _body(tree: Tree, size: float, way: _Way, rng: np.random.Generator) -> np.nd
         )
         if node.is_bone:
             holder[n] = holder[node.parent]
-            # Legs of either side take turns; what has no gait sways.
+            # Legs of both sides alternate; other bones sway.
             stride = 0.5 * swing * np.sin(gait + np.pi * (node.mover % 2) + 0.7 * n)
             bend = Rotation.from_rotvec(
                 np.column_stack([0.15 * _whims((n_steps,), 0.2, rng), stride + 0.2 * _whims((n_steps,), 0.2, rng),
@@ -249,7 +249,7 @@ def _body(tree: Tree, size: float, way: _Way, rng: np.random.Generator) -> np.nd
 
 
 def _bend(n_steps: int, speed: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Shape (step, 3, 3): how a segment is bent against the one before: aside, and up where it rears."""
+    """Return the rotation of a segment relative to the previous one, sideways and upward, shape (step, 3, 3)."""
     rears = smooth_step(_whims((n_steps,), 0.5, rng) - 1.0) * (1.0 - smooth_step(speed))
     pitch = 0.15 * _whims((n_steps,), 0.2, rng) - 0.7 * gaussian_filter1d(rears, 0.1 * _GRID_HZ)
     yaw, roll = 0.35 * _whims((n_steps,), 0.25, rng), 0.1 * _whims((n_steps,), 0.25, rng)
@@ -257,13 +257,13 @@ def _bend(n_steps: int, speed: np.ndarray, rng: np.random.Generator) -> np.ndarr
 
 
 def _whims(shape: tuple[int, ...], lasts_s: float, rng: np.random.Generator) -> np.ndarray:
-    """Normal noise of variance 1 that lasts, along the first axis."""
+    """Return correlated normal noise of variance 1 along the first axis."""
     noise = gaussian_filter1d(rng.standard_normal(shape), lasts_s * _GRID_HZ, axis=0, mode="wrap")
     return noise * np.sqrt(2.0 * np.sqrt(np.pi) * lasts_s * _GRID_HZ)
 
 
 class _Rovers:
-    """The state of animals that run about: one step of the grid after the other."""
+    """State of the animals at one time step."""
 
     def __init__(self, options: AnimalOptions, body_m: float, rng: np.random.Generator) -> None:
         n = options.animals
@@ -298,7 +298,7 @@ class _Rovers:
         self.until_s[a] = time_s + self.rng.exponential(1.5) + 0.2
 
     def _set_out(self, a: int, time_s: float) -> None:
-        """Somewhere, or to another animal: up to it, or over it."""
+        """Choose a random goal: a place, or another animal to approach or to climb over."""
         self.runs[a], self.speed[a] = True, self.rng.uniform(1.0, 5.0) * self.body_m
         self.goal_m[a], self.until_s[a] = self._anywhere(), time_s + 4.0
         if len(self.place_m) > 1 and self.rng.random() < _CONTACT_SHARE:

@@ -1,10 +1,9 @@
 """Benchmark of tracking several animals in simulated scenes, with ``posefuse reconstruct`` and ``evaluate``.
 
-``python -m benchmarks.animals [--only arena-2-5-30,...] [--seeds 10] [--first 0] [--known]``. A case is named by what
-happens, how many animals, cameras and frames a second; ``edges`` and ``list`` have 9 keypoints of which a skeleton
-knows the edges and the size, or nothing. Odd seeds have a tracker's identities in each view, which change and get mixed
-up.
-With ``--known`` the tracker is given the number of animals.
+``python -m benchmarks.animals [--only arena-2-5-30,...] [--seeds 10] [--first 0] [--known]``. The name of a
+case states the scenario and the numbers of animals, cameras and frames per second. ``edges`` and ``list`` have 9
+keypoints, with a skeleton of edges and size, or without one. Odd seeds have 2D track identities in each view, which
+change and are exchanged. ``--known`` sets the number of animals.
 """
 
 import argparse
@@ -36,7 +35,7 @@ edges = [
 [tree]
 size_m = 0.1
 """
-"""A skeleton as a user without a body model would write it."""
+"""Skeleton of a user without a body model."""
 OF = {
     "nose": "snout", "ear_l": "left_ear", "ear_r": "right_ear", "neck": "spine_front", "back": "spine_middle",
     "hip_l": "left_knee", "hip_r": "right_knee", "tail": "tail_base", "tail_tip": "tail_middle",
@@ -60,7 +59,7 @@ class Run:
 
 
 def scene_of(case: str, seed: int) -> CrowdScene:
-    """By name."""
+    """Return the options of a case by its name."""
     what, animals, cameras, rate = case.split("-")
     scenario: AnimalScenario = "still" if what == "still" else "free" if what == "free" else "arena"
     scene = simulate_animals(
@@ -75,7 +74,7 @@ def scene_of(case: str, seed: int) -> CrowdScene:
 
 
 def follow(scene: CrowdScene, population: int | None = None) -> Run:
-    """As the command does it, told how many there are or not."""
+    """Track a scene as the command does, with or without the number of animals."""
     options = posefuse.Options(people="many", tracker=posefuse.TrackerOptions(population=population))
     start = time.process_time()
     with warnings.catch_warnings():

@@ -1,9 +1,9 @@
-"""What a reconstruction costs: CPU time, memory, bytes on disk and on the wire, and how it spreads over processes.
+"""Measure the cost of a reconstruction: CPU time, memory, bytes on disk and on the network, and scaling over processes.
 
 ``python -m benchmarks.cost [--only cpu,memory,bytes,scaling] [--seconds 20]``. CPU time is that of one process with one
-thread, warm, of simulated people: reading, reconstructing and writing everything that ``posefuse reconstruct`` writes.
-A formula is fitted to it, all terms of which count work that is done: ``docs/cost.md`` has both. Wall times of the part
-``scaling`` mean something on a machine that does nothing else.
+thread and compiled kernels for simulated people: reading, reconstructing, and writing all files of ``posefuse
+reconstruct``. A formula whose terms count operations is fitted to it; ``docs/cost.md`` shows both. Wall times of the
+part ``scaling`` require an otherwise idle machine.
 """
 
 import argparse
@@ -53,18 +53,18 @@ class Case:
     people: float
     cameras: int
     keypoints: int
-    follow_ms: float
+    track_ms: float
     write_ms: float
 
     @property
     def terms(self) -> list[float]:
-        """What is counted of the work of a frame, one number for each of :data:`TERMS`."""
+        """Return the work of a frame, one number for each of :data:`TERMS`."""
         p, v, k = self.people, self.cameras, self.keypoints
         return [1.0, p * v, p * k, p * k * v]
 
 
 def scene_of(people: int, cameras: int, keypoints: int, seconds: float) -> CrowdScene:
-    """People who walk about."""
+    """Simulate walking people."""
     options = CrowdOptions(
         "crowd", people=people, cameras=cameras, duration_s=seconds, rate_hz=RATE_HZ, seed=1,
         skeleton=SKELETONS[keypoints],
@@ -73,7 +73,7 @@ def scene_of(people: int, cameras: int, keypoints: int, seconds: float) -> Crowd
 
 
 def recording(scene: CrowdScene, folder: Path) -> Path:
-    """The scene as a recording."""
+    """Write the scene as a recording."""
     folder.mkdir(parents=True, exist_ok=True)
     anipose.write(scene.rig, folder / "calibration.toml")
     native.write(scene.detections, folder / "keypoints.nc")
@@ -81,7 +81,7 @@ def recording(scene: CrowdScene, folder: Path) -> Path:
 
 
 def timed(people: int, cameras: int, keypoints: int, seconds: float) -> Case:
-    """CPU time of following and measuring, and of writing, in a warm process."""
+    """Return the CPU time of tracking and measuring, and of writing, in a process with compiled kernels."""
     from posefuse.io.open_recording import open_recording
     from posefuse.io.results import netcdf
     from posefuse.pipeline.measured_layer import reconstruct_chunks
@@ -111,14 +111,14 @@ def timed(people: int, cameras: int, keypoints: int, seconds: float) -> Case:
 
 
 def fitted(cases: list[Case]) -> np.ndarray:
-    """Milliseconds of each of :data:`TERMS`, none negative, so that relative errors are least."""
-    took = np.array([case.follow_ms + case.write_ms for case in cases])
+    """Fit nonnegative milliseconds of each of :data:`TERMS` with the smallest relative errors."""
+    took = np.array([case.track_ms + case.write_ms for case in cases])
     return nnls(np.array([case.terms for case in cases]) / took[:, None], np.ones(len(took)))[0]
 
 
 def show_cpu(seconds: float) -> None:
-    print(f"CPU ms a frame, {seconds:g} s at {RATE_HZ:g} Hz")
-    print("people cameras keypoints  follow+measure   write   both    fit")
+    print(f"CPU ms per frame, {seconds:g} s at {RATE_HZ:g} Hz")
+    print("people cameras keypoints   track+measure   write   both    fit")
     cases = []
     timed(*CASES[0], 1.0)
     for people, cameras, keypoints in CASES:
@@ -126,9 +126,9 @@ def show_cpu(seconds: float) -> None:
         print(cases[-1], flush=True, file=sys.stderr)
     found = fitted(cases)
     for case in cases:
-        both, fit = case.follow_ms + case.write_ms, float(found @ case.terms)
+        both, fit = case.track_ms + case.write_ms, float(found @ case.terms)
         print(
-            f"{case.people:6.1f} {case.cameras:7d} {case.keypoints:9d} {case.follow_ms:15.2f} {case.write_ms:7.2f} "
+            f"{case.people:6.1f} {case.cameras:7d} {case.keypoints:9d} {case.track_ms:15.2f} {case.write_ms:7.2f} "
             f"{both:6.2f} {fit:6.2f}"
         )
     for name, value in zip(TERMS, found, strict=True):
@@ -136,7 +136,7 @@ def show_cpu(seconds: float) -> None:
 
 
 def peak_mb(folder: Path, out: Path) -> float:
-    """Most resident memory of ``posefuse reconstruct``."""
+    """Return the peak memory of ``posefuse reconstruct``."""
     code = (
         "import re, sys; from posefuse.cli.main import main\n"
         "try: main()\nexcept SystemExit: pass\n"
@@ -172,7 +172,7 @@ def show_bytes() -> None:
         folder, out = recording(scene, Path(place) / "in"), Path(place) / "out"
         replay.write(scene.detections, folder / "lines.jsonl")
         for name in ("keypoints.nc", "lines.jsonl"):
-            print(f"{(folder / name).stat().st_size / points:8.1f} a detected keypoint: {name}")
+            print(f"{(folder / name).stat().st_size / points:8.1f} per detected keypoint: {name}")
         (folder / "lines.jsonl").unlink()
         also = itertools.chain.from_iterable(("--also", name) for name in additional_names())
         command = ["reconstruct", str(folder), "-o", str(out), "--people", "many", *also]
@@ -183,27 +183,27 @@ def show_bytes() -> None:
                 kind = re.sub(r"person_\d+", "*", file.relative_to(out).parts[0])
                 sizes[kind] = sizes.get(kind, 0) + file.stat().st_size
         for kind, size in sizes.items():
-            print(f"{size / (frames * people * keypoints):8.1f} a person's keypoint: {kind}")
+            print(f"{size / (frames * people * keypoints):8.1f} per keypoint of a person: {kind}")
     show_wire(scene)
 
 
 def show_wire(scene: CrowdScene) -> None:
     lines = [line for _, line in lines_of(scene.detections)]
     session = Session(scene.rig, scene.detections.skeleton, Options(), StreamOptions(clock="messages"))
-    said = []
+    written = []
     for line in lines:
         session.take(line, 0.0)
         while session.waiting:
-            said.append(session.process_frame(time.monotonic) or b"")
+            written.append(session.process_frame(time.monotonic) or b"")
     detected = np.asarray(scene.detections.people_counts).sum() * len(scene.detections.skeleton)
-    there = sum(out.count(b'"id":') for out in said) * len(scene.detections.skeleton)
-    line, frame = np.mean([len(each) for each in lines]), np.mean([len(each) for each in said])
-    print(f"{sum(map(len, lines)) / detected:8.1f} bytes in a detected keypoint, {line:.0f} a line")
-    print(f"{sum(map(len, said)) / there:8.1f} bytes out a person's keypoint, {frame:.0f} a frame")
+    there = sum(out.count(b'"id":') for out in written) * len(scene.detections.skeleton)
+    line, frame = np.mean([len(each) for each in lines]), np.mean([len(each) for each in written])
+    print(f"{sum(map(len, lines)) / detected:8.1f} bytes in per detected keypoint, {line:.0f} per line")
+    print(f"{sum(map(len, written)) / there:8.1f} bytes out per keypoint of a person, {frame:.0f} per frame")
 
 
 def batched(folders: list[Path], out: Path, *more: str) -> tuple[float, float]:
-    """Wall and CPU seconds of a batch."""
+    """Return the wall and CPU time of a batch in s."""
     before, start_s = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
     command = ["batch", *map(str, folders), "-o", str(out), "--people", "many", *more]
     subprocess.run([sys.executable, "-m", "posefuse", *command], check=True, capture_output=True)
@@ -213,7 +213,7 @@ def batched(folders: list[Path], out: Path, *more: str) -> tuple[float, float]:
 
 
 def clusters(workers: tuple[int, ...]) -> Iterator[tuple[int, str]]:
-    """Dask clusters on this machine, one after the other."""
+    """Print the times of Dask clusters on this machine."""
     from distributed import LocalCluster
 
     for n in workers:

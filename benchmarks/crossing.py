@@ -1,9 +1,10 @@
-"""Benchmark of people who cross in a small room: five cameras at 2 m, OpenPose-like detections, also split ones.
+"""Measure tracking of people who cross in a small room, with OpenPose-like and partial detections of five cameras.
 
 ``python -m benchmarks.crossing [--seeds 5] [--rate 25] [--pieces 0.3]``. BODY_25, no identities in 2D, 1032 x 776 px,
-four people for 30 s; missed, merged, double and false detections are more frequent than by default. For a share
-of the time, in spells of 0.5 s, a view splits a person into two detections: the legs and the rest. Results are causal:
-each frame as reported when it was the latest. PCP is the mean over people by the Campus head rule, from the first frame
+four people for 30 s; missed, merged, duplicate and false detections are more frequent than by default. For a
+share of the time, for 0.5 s at a time, a view splits a person into two detections: the legs and the rest. Results are
+causal: each frame as reported when it was the latest. PCP is the mean over people by the Campus head rule, from the
+    first frame
 of each person's presence.
 """
 

@@ -1,4 +1,4 @@
-"""Recordings with planted faults, and healthy ones, for the recording check."""
+"""Simulate recordings with and without faults for the recording check."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -42,12 +42,12 @@ FAULTS: tuple[Fault, ...] = get_args(Fault)
 
 @dataclass(frozen=True)
 class Planted:
-    """A planted fault.
+    """A simulated fault.
 
     Attributes:
-        fault: what.
-        cameras: names of those that have it; empty where all do.
-        size: in the fault's own unit: degrees, meters, frames, ppm, a factor or a share.
+        fault: name of the fault.
+        cameras: names of the affected cameras; empty if all are.
+        size: size in the unit of the fault: degrees, meters, frames, ppm, a factor or a share.
     """
 
     fault: Fault
@@ -57,20 +57,20 @@ class Planted:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A walk in front of cameras, before any detector has seen it.
+    """A walk in front of cameras, before detection.
 
     Attributes:
-        rig: as it is.
-        given: as the calibration says it is.
-        later: as it is from the middle of the recording on.
-        motion: of the person.
-        figure_m: the person's height.
-        skeleton: of the keypoints.
+        rig: true rig.
+        given: calibrated rig.
+        later: true rig from the middle of the recording onward.
+        motion: motion of the person.
+        figure_m: height of the person.
+        skeleton: skeleton of the keypoints.
         rate_hz: frames per second.
-        n_frames: how many.
-        late_s: shape (frame, view): how much later than it says each view takes each frame.
-        seed: of the detector's errors.
-        after: what happens to pixels and confidences of shape (frame, view, keypoint, ...) once detected.
+        n_frames: number of frames.
+        late_s: shape (frame, view): delay of each capture relative to its timestamp.
+        seed: random seed of the detector.
+        after: change of detected pixels and confidences, shape (frame, view, keypoint, ...).
     """
 
     rig: CameraRig
@@ -86,7 +86,7 @@ class Scene:
     after: tuple[Callable[[np.ndarray, np.ndarray, np.random.Generator], tuple[np.ndarray, np.ndarray]], ...] = ()
 
     def watch(self, options: DetectorOptions | None = None) -> tuple[CameraRig, Detections]:
-        """The calibration and what the detector makes of the walk."""
+        """Return the calibration and the detections of the walk."""
         rng = np.random.default_rng(self.seed)
         figure = human(self.figure_m)
         early = max(0.0, -float(self.late_s.min())) + 0.1
@@ -105,7 +105,7 @@ class Scene:
         )
 
     def _projected(self, points_m: np.ndarray) -> np.ndarray:
-        """Shape (frame, view, keypoint, 2), of points where they are when each view takes each frame."""
+        """Return the projections at the capture times, shape (frame, view, keypoint, 2)."""
         half = self.n_frames // 2
         pixels = np.empty((*points_m.shape[:3], 2))
         for v, (camera, later) in enumerate(zip(self.rig.cameras, self.later.cameras, strict=True)):
@@ -122,14 +122,14 @@ def healthy(
     rate_hz: float | None = None,
     activities: Sequence[Activity] | None = None,
 ) -> Scene:
-    """A scene with nothing wrong with it: rig, lenses, person and what they do differ with the seed.
+    """Return a scene without faults; rig, lenses, person and motion depend on the seed.
 
     Args:
-        seed: of everything random.
-        cameras: how many, 4 to 8 by default.
-        duration_s: how long.
+        seed: random seed.
+        cameras: number of cameras, 4 to 8 by default.
+        duration_s: duration.
         rate_hz: frames per second; 25, 30, 50 or 60 by default.
-        activities: what the person does; walking and one thing more by default.
+        activities: activities of the person; walking and another one by default.
     """
     rng = np.random.default_rng([seed, 8])
     n = cameras or int(rng.integers(4, 9))
@@ -157,22 +157,22 @@ def healthy(
 
 
 def _placed(camera: Camera, rng: np.random.Generator) -> Camera:
-    """The camera somewhere else on its side of the room, with a focal length of its own."""
-    centre = camera.centre_m * np.array([*[rng.uniform(0.8, 1.15)] * 2, 1.0]) + rng.uniform(-0.4, 0.4, 3)
+    """Return a camera at another place on the same side of the room, with another focal length."""
+    center = camera.center_m * np.array([*[rng.uniform(0.8, 1.15)] * 2, 1.0]) + rng.uniform(-0.4, 0.4, 3)
     target = np.array([0.0, 0.0, 0.9]) + rng.uniform(-0.2, 0.2, 3)
     matrix = camera.matrix.copy()
     matrix[[0, 1], [0, 1]] *= rng.uniform(0.85, 1.2)
-    return replace(camera, matrix=matrix, camera_from_world=look_at(centre, target))
+    return replace(camera, matrix=matrix, camera_from_world=look_at(center, target))
 
 
 def plant(scene: Scene, fault: Fault, views: Sequence[int], size: float | None = None) -> tuple[Scene, Planted]:
-    """The scene with a fault in some views.
+    """Return the scene with a fault in some views.
 
     Args:
         scene: the scene.
         fault: one of :data:`FAULTS`.
-        views: which have it; two for ``order``, and for ``copied pose`` the copy, then the original.
-        size: of the fault; see :data:`USUAL` for the default.
+        views: affected views; two for ``order``, and for ``copied pose`` the copy, then the original.
+        size: size of the fault; see :data:`USUAL` for the default.
 
     Raises:
         OptionsError: if there is no such fault.
@@ -225,7 +225,7 @@ def _along(scene: Scene, views: tuple[int, ...], size: float, rng: np.random.Gen
 
 
 def _later(scene: Scene, view: int, turn: np.ndarray, shift_m: np.ndarray) -> Scene:
-    """From the middle on the camera looks or stands elsewhere."""
+    """Move or rotate the camera from the middle of the recording onward."""
     return replace(scene, later=_with(scene.later, view, _moved(scene.later.cameras[view], turn, shift_m)))
 
 
@@ -261,7 +261,7 @@ def _with(rig: CameraRig, view: int, camera: Camera) -> CameraRig:
 
 
 def _lens(scene: Scene, views: tuple[int, ...], size: float, rng: np.random.Generator) -> Scene:
-    """The calibration lacks the view's distortion."""
+    """Remove the view's distortion from the calibration."""
     for v in views:
         rigs = {
             name: _with(rig, v, replace(rig.cameras[v], lens=LensModel.BROWN, distortion=(size, 0.0, 0.0, 0.0, 0.0)))

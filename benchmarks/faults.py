@@ -1,10 +1,9 @@
-"""Benchmark of the recording check: planted faults must be named, healthy recordings must have no findings.
+"""Benchmark of the recording check: it must find simulated faults, and report nothing in recordings without faults.
 
-``python -m benchmarks.faults`` plants each fault alone, and in pairs of different cameras, and looks at healthy
-recordings. Every seed is another rig, person, walk, skeleton and frame rate, seen by a detector that errs as measured
-(errors that last, heavy tails, 1 % of outliers). Cases come in rounds of all kinds and each is a line in ``--log``: a
-run that is ended early is balanced, and the same command goes on where it ended. ``--timing`` measures offsets and
-drifts instead.
+``python -m benchmarks.faults`` simulates each fault alone, pairs of faults in different cameras, and recordings without
+faults. Rig, person, motion, skeleton and frame rate depend on the seed; detector errors are as measured (correlated,
+heavy-tailed, 1 % outliers). Cases come in rounds of all kinds, and each adds a line to ``--log``: an interrupted run is
+balanced, and the same command resumes it. ``--timing`` measures offsets and drifts instead.
 """
 
 import argparse
@@ -45,29 +44,29 @@ NAMED_AS: dict[Fault, tuple[FindingKind, ...]] = {
     "another rig": (FindingKind.WRONG_CALIBRATION,),
 }
 ALONE: tuple[Fault, ...] = ("another rig",)
-"""Faults beside which nothing else can be told."""
+"""Faults that hide all others."""
 
 
 def views_of(fault: Fault, first: int) -> tuple[int, ...]:
-    """Which views have a fault: the copy and its original, two that change places, all, or one."""
+    """Return the views of a fault: the copy and its original, two exchanged ones, all, or one."""
     if fault in ("order", "copied pose"):
         return (first, first + 1)
     return () if fault == "another rig" else (first,)
 
 
 def is_named(planted: Planted, findings: Sequence[Finding]) -> bool:
-    """Return whether a finding names a planted fault and its camera."""
+    """Return whether a finding names a simulated fault and its camera."""
     wanted = planted.cameras[:1] if planted.fault == "copied pose" else planted.cameras
     return any(f.kind in NAMED_AS[planted.fault] and set(f.cameras) == set(wanted) for f in findings)
 
 
 def others(planted: Sequence[Planted], findings: Sequence[Finding]) -> list[Finding]:
-    """Return findings about cameras or faults that were not planted."""
+    """Return findings about cameras or faults that were not simulated."""
     return [f for f in findings if not any(is_named(p, [f]) for p in planted)]
 
 
 def check(faults: Sequence[Fault], seed: int) -> tuple[list[Planted], tuple[Finding, ...], float]:
-    """A recording with faults, what is found, and how long that takes, s of processor time."""
+    """Simulate a recording with faults and return the findings and the CPU time in s."""
     scene, planted = healthy(seed), []
     for number, fault in enumerate(faults):
         scene, one = plant(scene, fault, views_of(fault, 2 * number))
@@ -79,10 +78,13 @@ def check(faults: Sequence[Fault], seed: int) -> tuple[list[Planted], tuple[Find
 
 
 def cases(first: int, seeds: int, healthy: int, pairs: int) -> Iterator[tuple[tuple[Fault, ...], int]]:
-    """Faults and seeds, in rounds: each fault alone, and as large a share of the healthy and of the pairs."""
+    """Yield faults and seeds in rounds.
+
+    Each fault alone, and equal shares of pairs and of recordings without faults.
+    """
     beside: list[Fault] = [fault for fault in FAULTS if fault not in ALONE]
     every = list(combinations(beside, 2))
-    # Neighbors in the list are alike: a step that has no divisor in common with its length visits all, well mixed.
+    # Neighbors in the list are similar; a step without a common divisor with its length visits all in mixed order.
     step = next(k for k in range(int(0.62 * len(every)), len(every)) if np.gcd(k, len(every)) == 1)
     rounds = max(seeds, 1)
     for number in range(rounds):
@@ -90,7 +92,7 @@ def cases(first: int, seeds: int, healthy: int, pairs: int) -> Iterator[tuple[tu
             yield from (((fault,), first + number) for fault in FAULTS)
         yield from (((), first + k) for k in range(number * healthy // rounds, (number + 1) * healthy // rounds))
         total = pairs * len(every)
-        # Every pair has a rig of its own: what one rig cannot tell would count in all pairs of a kind.
+        # Every pair has a different rig; otherwise an unobservable fault of one rig would count in all pairs.
         for k in range(number * total // rounds, (number + 1) * total // rounds):
             yield every[k * step % len(every)], first + 500 + k
 
@@ -108,7 +110,7 @@ def record(faults: Sequence[Fault], seed: int) -> dict:
 
 
 def summary(records: Iterable[dict]) -> None:
-    """Print how many were named: alone, in pairs, and of each fault in pairs."""
+    """Print the numbers of identified faults: alone, in pairs, and per fault in pairs."""
     tallies: dict[str, list[tuple[bool, int]]] = defaultdict(list)
     for one in records:
         faults, named, more = one["faults"], one["named"], len(one["others"])
@@ -125,7 +127,7 @@ def summary(records: Iterable[dict]) -> None:
 
 
 def timing(seeds: range) -> None:
-    """Print errors of offsets and drifts of one walking person at 25 frames a second, every camera started alone."""
+    """Print errors of offsets and drifts of one walking person at 25 Hz, with cameras started separately."""
     for duration_s, ppm in ((60.0, 300.0), (180.0, 100.0)):
         errors, found, drifts, refused = [], 0, [], 0
         for seed in seeds:
@@ -144,7 +146,7 @@ def timing(seeds: range) -> None:
             drifts.append(views[1].drift_ppm[0])
             found += bool(views[1].drift_ppm[0])
         print(
-            f"{duration_s:.0f} s: offsets err by {np.sqrt(np.mean(np.square(errors))):.3f} frames (at most "
+            f"{duration_s:.0f} s: offset error {np.sqrt(np.mean(np.square(errors))):.3f} frames (at most "
             f"{np.abs(errors).max():.3f}); drift of {ppm:.0f} ppm found {found} of {len(seeds)}, measured "
             f"{np.mean(drifts):.0f} +- {np.std(drifts):.0f}; {refused} refused",
             flush=True,
@@ -152,7 +154,7 @@ def timing(seeds: range) -> None:
 
 
 def main() -> None:
-    """Measure and print."""
+    """Run the benchmark and print its tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=50, help="of each fault alone")
     parser.add_argument("--first", type=int, default=1000, help="seed")

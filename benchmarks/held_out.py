@@ -1,9 +1,8 @@
-"""Held-out cameras of real recordings: distance between their detections and the points of the other cameras.
+"""Measure the distance between detections of held-out cameras and points of the other cameras in real recordings.
 
-``python -m benchmarks.held_out FOLDER [--only NAME,...]``, the folder of recordings that tests read too. The points of
-the whole trajectory beside those of ``consensus`` frame by frame, over the observations that both predict; and how much
-bones vary in length with all cameras. The held-out camera's own errors are in all of these figures: they differ by less
-than the points do.
+``python -m benchmarks.held_out FOLDER [--only NAME,...]``, where FOLDER holds the recordings that the tests read. The
+trajectory solve is compared with ``consensus`` over the observations that both predict, and by the variation of bone
+lengths with all cameras. All figures include the errors of the held-out camera, so they differ less than the points.
 """
 
 import argparse
@@ -15,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import posefuse
-from benchmarks import real
+from benchmarks import real_recordings
 from benchmarks.trajectory import per_frame, solved
 from posefuse.evaluation.accuracy import bone_variation
 from posefuse.model.cameras import CameraRig
@@ -25,7 +24,7 @@ from posefuse.preprocess.match_cameras import match_views
 
 MIN_CONFIDENCE = 0.2
 FLY_RATE_HZ, MOUSE_RATE_HZ, POSE2SIM_RATE_HZ = 300.0, 30.0, 60.0
-"""Where the files say none; of the mouse it is a guess."""
+"""Frame rates that the files do not state; that of the mouse is a guess."""
 
 Method = Callable[[CameraRig, Detections], Layer]
 METHODS: dict[str, Method] = {"consensus": per_frame, "trajectory": solved}
@@ -36,10 +35,11 @@ class HeldOut:
     """Predictions of one method's points for held-out cameras.
 
     Attributes:
-        median_px, p90_px: distance between predicted and detected, over cameras, frames and keypoints that both methods
+        median_px, p90_px: distance between predictions and detections, over cameras, frames and keypoints that both
+        methods
             predict.
         predicted: share of the detections that the method predicts.
-        bones: how much bones vary in length, all cameras used; NaN without bones.
+        bones: variation of bone lengths, all cameras used; NaN without bones.
         missing: share of points missing, all cameras used.
     """
 
@@ -51,27 +51,27 @@ class HeldOut:
 
 
 def balancing(folder: Path) -> tuple[CameraRig, Detections]:
-    """A person on a beam, four cameras, OpenPose."""
-    rig, detections = real.pose2sim(folder)
+    """Read a person on a beam, four cameras, OpenPose."""
+    rig, detections = real_recordings.pose2sim(folder)
     return rig, detections.with_rate(POSE2SIM_RATE_HZ)
 
 
 def fly(folder: Path) -> tuple[CameraRig, Detections]:
-    """A tethered fly: two points a leg, and a bone between them."""
-    rig, detections = real.fly_3cam(folder)
+    """Read a tethered fly with two points per leg and a bone between them."""
+    rig, detections = real_recordings.fly_3cam(folder)
     legs = tuple((f"{side}{leg}A", f"{side}{leg}B") for side in "LR" for leg in (1, 2, 3))
     skeleton = replace(detections.skeleton, edges=legs)
     return rig, replace(detections, skeleton=skeleton).with_rate(FLY_RATE_HZ)
 
 
 def mouse(folder: Path) -> tuple[CameraRig, Detections]:
-    """A mouse, four cameras, SLEAP."""
-    rig, detections = real.sleap_mouse(folder)
+    """Read a mouse, four cameras, SLEAP."""
+    rig, detections = real_recordings.sleap_mouse(folder)
     return rig, detections.with_rate(MOUSE_RATE_HZ)
 
 
 def webcams(folder: Path) -> tuple[CameraRig, Detections]:
-    """A person before four webcams, MediaPipe."""
+    """Read a person in front of four webcams, MediaPipe."""
     place = folder / "caliscope_webcams"
     return posefuse.read_cameras(place / "config.toml"), posefuse.read_detections(place)
 
@@ -85,15 +85,15 @@ RECORDINGS: dict[str, Callable[[Path], tuple[CameraRig, Detections]]] = {
 
 
 def matched(rig: CameraRig, detections: Detections) -> tuple[CameraRig, Detections]:
-    """Cameras in the order of the views, and called as these are."""
+    """Return the cameras in the order of the views, with their names."""
     rig, detections, _ = match_views(rig, detections, posefuse.Options())
     return rig, replace(detections, view_names=rig.names)
 
 
 def errors_px(rig: CameraRig, detections: Detections, method: Method) -> np.ndarray:
-    """Shape (view, frame, keypoint): distance of each camera's detections to the others' points.
+    """Return the distances of each camera's detections from the points of the others, shape (view, frame, keypoint).
 
-    NaN where nothing was detected or nothing is predicted.
+    NaN without a detection or a prediction.
     """
     pixels, confidence = detections.dense()
     pixels = np.where((confidence >= MIN_CONFIDENCE)[..., None] | np.isnan(confidence)[..., None], pixels, np.nan)
@@ -107,7 +107,7 @@ def errors_px(rig: CameraRig, detections: Detections, method: Method) -> np.ndar
 
 
 def compare(rig: CameraRig, detections: Detections, methods: dict[str, Method] | None = None) -> dict[str, HeldOut]:
-    """Every method's figures on a recording."""
+    """Return the results of every method on a recording."""
     rig, detections = matched(rig, detections)
     methods = methods or METHODS
     errors = {name: errors_px(rig, detections, method) for name, method in methods.items()}
@@ -127,13 +127,13 @@ def compare(rig: CameraRig, detections: Detections, methods: dict[str, Method] |
 
 
 def main() -> None:
-    """Print the table, as the documentation holds it."""
+    """Print the table of docs/benchmarks.md."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--only", default=",".join(RECORDINGS), help=f"some of {', '.join(RECORDINGS)}")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
-    print(f"| recording | method | {' | '.join(('median px', '90 % px', 'predicted', 'bones vary', 'missing'))} |")
+    print(f"| recording | method | {' | '.join(('median px', '90 % px', 'predicted', 'bone variation', 'missing'))} |")
     print("|---|---|---|---|---|---|---|")
     for name in given.only.split(","):
         for method, row in compare(*RECORDINGS[name](given.folder)).items():

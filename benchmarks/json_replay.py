@@ -1,8 +1,8 @@
-"""Memory of reading a large replay of JSON lines by ranges: ``python -m benchmarks.json_replay --gigabytes 1``.
+"""Measure the memory of reading a large replay of JSON lines in ranges of frames.
 
-Four views (COCO-WholeBody-133, three people) of that size are written into a temporary folder, and read range by range,
-a thousand frames each, in a process of its own. The same at a quarter of the length shows what of the memory grows with
-it.
+``python -m benchmarks.json_replay --gigabytes 1``. A recording of that size (four views, COCO-WholeBody-133, three
+people) is written to a temporary folder and read in ranges of a thousand frames in a separate process. A second
+recording of a quarter of the length shows how memory grows with the length.
 """
 
 import json
@@ -17,7 +17,7 @@ _VIEWS, _PEOPLE, _KEYPOINTS = 4, 3, 133
 
 
 def write(gigabytes: float, folder: Path) -> None:
-    """A replay of that size."""
+    """Write a replay of that size."""
     rng = np.random.default_rng(0)
     folder.mkdir(parents=True)
     names = [f"cam_{v}" for v in range(_VIEWS)]
@@ -36,7 +36,7 @@ def write(gigabytes: float, folder: Path) -> None:
 
 
 def read(folder: Path) -> dict[str, float]:
-    """Read the replay range by range."""
+    """Read the replay in ranges."""
     return read_ranges(folder / "replay.jsonl", None)
 
 

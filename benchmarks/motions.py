@@ -1,6 +1,6 @@
-"""Recordings with known truth that are hard over time: fast and sudden motion, spells of faults, odd recordings.
+"""Simulate recordings with known truth that are difficult over time: fast motion, periods of faults, irregular frames.
 
-Each is a :class:`~benchmarks.walking.Walk`; every seed gives the same recording again.
+Each is a :class:`~benchmarks.walking.Walk`; equal seeds give equal recordings.
 """
 
 from dataclasses import replace
@@ -20,7 +20,7 @@ from posefuse.synthetic.options import Activity, DetectorOptions
 from posefuse.synthetic.rigs import build_rig
 
 MEASURED_PX = 4.5 * 1.92
-"""The measured law's standard deviation at 1920 px image width, times the confidence."""
+"""Standard deviation of the measured error model at 1920 px image width, times the confidence."""
 WAVE_HZ, WAVE_M = 3.0, 0.30
 LANDING_RATE_HZ = 100.0
 DROP_M = 0.30
@@ -31,16 +31,16 @@ _LEG = ("hip", "knee", "ankle", "heel", "big_toe", "small_toe")
 def figure_at(
     time_s: np.ndarray, activities: tuple[Activity, ...] = ("walk",), seed: int = 0, skeleton: str = "halpe_26"
 ) -> np.ndarray:
-    """Shape (frame, keypoint, 3): a human of 1.75 m at these times."""
+    """Return the keypoints of a human of 1.75 m at these times, shape (frame, keypoint, 3)."""
     figure = human(1.75)
     motion = HumanMotion.random(activities, np.random.default_rng(seed))
     return motion.positions(figure, time_s)[:, figure.columns(find_skeleton(skeleton))]
 
 
 def with_lasting_noise(data: Walk, seed: int = 3) -> Walk:
-    """The same motion as a real detector sees it: errors of the measured law, 1 % gross outliers, 2 % misses in spells.
+    """Simulate the detections of a motion with measured errors, 1 % gross outliers, and 2 % misses in periods.
 
-    Its errors last (0.85 from frame to frame at 25 fps), have heavy tails, and grow as confidence falls.
+    Errors are correlated (0.85 between frames at 25 fps), have heavy tails, and grow with lower confidence.
     """
     rng = np.random.default_rng(seed)
     exact = np.moveaxis(data.rig.project(data.points_m), 0, 1)
@@ -55,19 +55,19 @@ def with_lasting_noise(data: Walk, seed: int = 3) -> Walk:
 
 
 def acts(frames: int) -> Walk:
-    """A person walks, turns, reaches, sits and jumps, three seconds each, seen with the errors of the measured law."""
+    """Simulate a person who walks, turns, reaches, sits and jumps, three seconds each, with measured errors."""
     points = figure_at(np.arange(frames) / RATE_HZ, ("walk", "turn", "reach", "sit", "jump"))
     return with_lasting_noise(observe(build_rig("ring", 5), points, np.random.default_rng(0)))
 
 
 def with_swapped_legs(data: Walk, share: float = 0.15, dwell_s: float = 0.0, seed: int = 2) -> Walk:
-    """The same with the left and the right leg exchanged in a share of the views.
+    """Swap the left and the right leg in a share of the views.
 
     Args:
-        data: of a human.
-        share: of all views and frames.
-        dwell_s: how long a view keeps it up on average; 0 for every frame by itself.
-        seed: of which.
+        data: recording of a human.
+        share: share of all views and frames.
+        dwell_s: mean duration of a swap in a view; 0 for independent frames.
+        seed: random seed.
     """
     rng = np.random.default_rng(seed)
     shape = data.pixels.shape[:2]
@@ -76,7 +76,7 @@ def with_swapped_legs(data: Walk, share: float = 0.15, dwell_s: float = 0.0, see
 
 
 def exchanged(data: Walk, swapped: np.ndarray) -> Walk:
-    """The same with the legs exchanged where ``swapped``, shape (frame, view), says so."""
+    """Swap the legs where ``swapped``, shape (frame, view), is true."""
     skeleton = find_skeleton(data.skeleton)
     parts = [part for part in _LEG if f"left_{part}" in skeleton.keypoints]
     left, right = ([skeleton.index(f"{side}_{part}") for part in parts] for side in ("left", "right"))
@@ -89,13 +89,13 @@ def exchanged(data: Walk, swapped: np.ndarray) -> Walk:
 
 
 def panoptic_at_60_hz(folder: Path, frames: int, outlier_share: float = 0.05, start_s: float = 70.0) -> Walk:
-    """A real person's motion (``panoptic_motion``) before the dome's real lenses, resampled by cubic splines.
+    """Return a real person's motion (``panoptic_motion``), resampled by cubic splines, with the real lenses.
 
     Args:
-        folder: of the recordings.
-        frames: how many, at 60 Hz.
-        outlier_share: gross outliers of 30 to 300 px.
-        start_s: where in the recording they begin.
+        folder: folder of the recordings.
+        frames: number of frames, at 60 Hz.
+        outlier_share: share of gross outliers of 30 to 300 px.
+        start_s: start in the recording.
     """
     motion = panoptic.one_person(folder)
     points = motion.points_m[:, 0]
@@ -111,13 +111,13 @@ def panoptic_at_60_hz(folder: Path, frames: int, outlier_share: float = 0.05, st
 
 
 def waving(frames: int, rig: CameraRig | None = None, *, start_s: float = 0.0, end_s: float = np.inf) -> Walk:
-    """A person stands and waves the right hand at 3 Hz, 30 cm from side to side, forearm about the elbow.
+    """Simulate a standing person who waves the right hand at 3 Hz, 30 cm wide, by rotating the forearm.
 
     Args:
-        frames: at 60 Hz.
-        rig: by default five cameras in a ring.
-        start_s: when it begins; before and after the hand rests.
-        end_s: when it ends.
+        frames: number of frames, at 60 Hz.
+        rig: cameras; by default five in a ring.
+        start_s: start of waving; the hand rests before and after it.
+        end_s: end of waving.
     """
     skeleton = find_skeleton("halpe_26")
     time_s = np.arange(frames) / RATE_HZ
@@ -134,10 +134,10 @@ def waving(frames: int, rig: CameraRig | None = None, *, start_s: float = 0.0, e
 
 
 def landing(jumps: int, rig: CameraRig | None = None, absorb_s: float = 0.04) -> Walk:
-    """A person drops 30 cm, again and again, at 100 fps; bones keep their lengths.
+    """Simulate a person who drops 30 cm repeatedly at 100 fps, with constant bone lengths.
 
-    Feet come to rest over ``absorb_s``, the pelvis over 0.25 s, knees bending meanwhile. Each drop takes two seconds:
-    up slowly, held, down under gravity.
+    Feet stop within ``absorb_s``, the pelvis within 0.25 s while the knees bend. Each drop takes two seconds: a slow
+    lift, a pause, and a fall under gravity.
     """
     skeleton = find_skeleton("halpe_26")
     time_s = np.arange(jumps * round(2 * LANDING_RATE_HZ)) / LANDING_RATE_HZ
@@ -157,10 +157,10 @@ def landing(jumps: int, rig: CameraRig | None = None, absorb_s: float = 0.04) ->
 
 
 def drop_heights(since_s: np.ndarray, absorb_s: float) -> np.ndarray:
-    """Shape (frame,): how high something is over where it stands, m.
+    """Return the height above the standing position in m, shape (frame,).
 
-    It is lifted in the first second and falls in the next; the velocity v of the fall is absorbed over ``absorb_s``,
-    v absorb_s / 2 below the start, then it rises to 0.
+    It rises in the first second and falls in the next. The velocity v of the fall is absorbed over ``absorb_s``, down
+    to v absorb_s / 2 below the start; then the height returns to 0.
     """
     fall_s = np.sqrt(2 * DROP_M / _GRAVITY)
     speed = _GRAVITY * fall_s
@@ -175,7 +175,7 @@ def drop_heights(since_s: np.ndarray, absorb_s: float) -> np.ndarray:
 
 
 def knees(hip: np.ndarray, ankle: np.ndarray, thigh_m: float, shank_m: float, forward: np.ndarray) -> np.ndarray:
-    """Shape (frame, 3): knees in front of the line from hip to ankle, by the two lengths."""
+    """Return knees in front of the line from hip to ankle, from both bone lengths, shape (frame, 3)."""
     along = ankle - hip
     far = np.linalg.norm(along, axis=1, keepdims=True)
     far = np.minimum(far, thigh_m + shank_m)
@@ -187,27 +187,27 @@ def knees(hip: np.ndarray, ankle: np.ndarray, thigh_m: float, shank_m: float, fo
 
 
 def stand_then_jump(frames: int) -> Walk:
-    """A person stands still for three seconds, then jumps, over and over."""
+    """Simulate a person who repeatedly stands still for three seconds and jumps."""
     points = figure_at(np.arange(frames) / RATE_HZ, ("stand", "jump"))
     return observe(build_rig("ring", 5), points, np.random.default_rng(0), outlier_share=0.05)
 
 
 def hidden(frames: int, keypoint: str = "right_wrist", hidden_s: float = 0.5, every_s: float = 2.0) -> Walk:
-    """A keypoint that no camera sees for half a second, every two seconds."""
+    """Hide a keypoint from all cameras for half a second, every two seconds."""
     data = walk(frames, outlier_share=0.05)
     gone = data.times_s % every_s >= every_s - hidden_s
     return without(data, keypoint, gone[:, None] & np.ones(len(data.rig), dtype=bool))
 
 
 def one_camera(frames: int, keypoint: str = "right_wrist", for_s: float = 0.5, every_s: float = 2.0) -> Walk:
-    """A keypoint that only the first camera sees for half a second, every two seconds."""
+    """Hide a keypoint from all but the first camera for half a second, every two seconds."""
     data = walk(frames, outlier_share=0.05)
     lonely = data.times_s % every_s >= every_s - for_s
     return without(data, keypoint, lonely[:, None] & (np.arange(len(data.rig)) > 0))
 
 
 def two_cameras(frames: int, for_s: float = 1.0, every_s: float = 3.0) -> Walk:
-    """Everything seen by two cameras only for a second, every three seconds."""
+    """Omit the detections of all but two cameras for a second, every three seconds."""
     data = walk(frames, outlier_share=0.05)
     few = data.times_s % every_s >= every_s - for_s
     gone = few[:, None] & (np.arange(len(data.rig)) > 1)
@@ -219,7 +219,7 @@ def two_cameras(frames: int, for_s: float = 1.0, every_s: float = 3.0) -> Walk:
 
 
 def without(data: Walk, keypoint: str, gone: np.ndarray) -> Walk:
-    """The same without a keypoint where ``gone``, shape (frame, view), says so."""
+    """Remove a keypoint where ``gone``, shape (frame, view), is true."""
     k = find_skeleton(data.skeleton).index(keypoint)
     pixels, inlier = data.pixels.copy(), data.inlier.copy()
     pixels[:, :, k][gone] = np.nan
@@ -228,7 +228,7 @@ def without(data: Walk, keypoint: str, gone: np.ndarray) -> Walk:
 
 
 def bursts(frames: int, length: int = 10, share: float = 0.05, size_px: float = 60.0, seed: int = 4) -> Walk:
-    """A view that is wrong about a keypoint by the same offset for ten frames on end, 5 % of the time."""
+    """Displace a keypoint in one view by a constant offset for ten frames, 5 % of the time."""
     data = walk(frames)
     rng = np.random.default_rng(seed)
     shape = data.inlier.shape
@@ -240,14 +240,14 @@ def bursts(frames: int, length: int = 10, share: float = 0.05, size_px: float = 
 
 
 def swapped_for_a_moment(frames: int, for_s: float = 0.3, every_s: float = 1.5) -> Walk:
-    """The legs exchanged in two of five views at once for 0.3 s, every second and a half."""
+    """Swap the legs in two of five views at once for 0.3 s, every 1.5 s."""
     data = walk(frames, outlier_share=0.05)
     late = data.times_s % every_s >= every_s - for_s
     return exchanged(data, late[:, None] & (np.arange(len(data.rig)) < 2))
 
 
 def irregular(frames: int, seed: int = 5) -> Walk:
-    """Frames that come at irregular times: 60 a second on average, every fifth dropped, the others 2 ms off."""
+    """Simulate irregular frames: 60 per second on average, every fifth dropped, the others off by 2 ms."""
     rng = np.random.default_rng(seed)
     kept = rng.random(2 * frames) > 0.2
     time_s = ((np.arange(2 * frames) / RATE_HZ) + rng.uniform(-0.002, 0.002, 2 * frames))[kept][:frames]
@@ -256,7 +256,7 @@ def irregular(frames: int, seed: int = 5) -> Walk:
 
 
 def scaled(data: Walk, factor: float) -> Walk:
-    """The same seen by a rig and in a world ``factor`` times as large: pixels stay as they are."""
+    """Scale rig and world by ``factor``, without changing pixels."""
 
     def larger(pose: np.ndarray) -> np.ndarray:
         pose = np.array(pose)
@@ -268,6 +268,6 @@ def scaled(data: Walk, factor: float) -> Walk:
 
 
 def still(frames: int) -> Walk:
-    """A statue: nothing moves at all."""
+    """Simulate a statue, without any motion."""
     points = np.repeat(figure_at(np.array([1.0])), frames, axis=0)
     return observe(build_rig("ring", 5), points, np.random.default_rng(0), outlier_share=0.05)

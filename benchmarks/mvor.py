@@ -1,8 +1,8 @@
-"""Benchmark of association on real single frames: MVOR, an operating room with three cameras.
+"""Benchmark of association in real single frames: MVOR, an operating room with three cameras.
 
-``python -m benchmarks.mvor FOLDER``, the folder of recordings that tests read too, prints what an oracle makes of the
-detections: one that uses the manual annotation of which detections show one person. Then what this project's
-proposals do, and those of the baseline; an associator's proposals are scored against the same by :func:`score`.
+``python -m benchmarks.mvor FOLDER``, where FOLDER holds the recordings that the tests read. It prints the results of an
+oracle that associates detections by the manual annotation, of posefuse's proposals, and of the baseline; :func:`score`
+compares the proposals of an associator with the truth and the oracle.
 """
 
 import argparse
@@ -29,20 +29,20 @@ JOINTS = (
     "head", "neck", "left_shoulder", "right_shoulder", "left_hip", "right_hip", "left_elbow", "right_elbow",
     "left_wrist", "right_wrist",
 )  # fmt: skip
-"""Of the ground truth, in its order; two unnamed ones that follow are left out."""
+"""Joints of the ground truth, in its order, without the last two, which have no names."""
 
 SOURCES = {
     "head": ("nose",),
     "neck": ("left_shoulder", "right_shoulder"),
 } | {name: (name,) for name in JOINTS[2:]}
-"""What stands in for each, as the data set's own OpenPose file has it."""
+"""COCO keypoints that correspond to each joint, in the data set's OpenPose file."""
 
 COMPARED = ("left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist")
-"""Joints whose errors count. The truth's head, neck and hips are other points than OpenPose's: an oracle's median error
-is 0.1 m at head and neck and 0.17 m at the hips, with two views as with three."""
+"""Scored joints. Head, neck and hips are defined differently in the truth and in OpenPose: the median error of an
+oracle is 0.1 m at head and neck and 0.17 m at the hips, with two and with three views."""
 
 SAME_PERSON_PX = 40.0
-"""A detection is the annotated person's whose joints are on average no farther off."""
+"""Maximum mean distance of the joints of a detection from those of the annotated person."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +50,8 @@ class Box:
     """A person annotated in one view without 3D truth.
 
     Attributes:
-        view: its number.
-        person: id shared between views, -1 where the annotation has none.
+        view: number of the view.
+        person: id shared between views, -1 without one.
         corners_px: left, top, right, bottom.
     """
 
@@ -62,15 +62,15 @@ class Box:
 
 @dataclass(frozen=True, eq=False)
 class Mvor:
-    """The data set; a frame a triplet of images, frames lie 75 s apart.
+    """The data set; a frame is a triplet of images, and frames are 75 s apart.
 
     Attributes:
-        rig: in meters, the world is camera 1; which way is up is not known.
+        rig: cameras in meters; the world is camera 1, and the up axis is unknown.
         detections: OpenPose's people, COCO's 17 keypoints.
         truth_m: by frame, shape (truth, 10, 3), the joints as :data:`JOINTS`.
-        persons: by frame, shape (truth,): their ids, as in ``annotated``.
+        persons: by frame, shape (truth,): ids as in ``annotated``.
         annotated_px: by frame and view, person id to joints, shape (10, 2), NaN where not visible.
-        boxes: by frame, people of whom there is no 3D truth.
+        boxes: by frame, people without 3D truth.
     """
 
     rig: CameraRig
@@ -92,7 +92,7 @@ def read_mvor(folder: Path) -> Mvor:
     truth = [dict[int, np.ndarray]() for _ in triplets]
     for each in data["annotations3D"]:
         joints = np.array(each["keypoints3D"]).reshape(-1, 4)[: len(JOINTS), :3] / 1000.0
-        # Four people stand in the file twice; the first counts.
+        # Four people are in the file twice; the first one is used.
         truth[frame_of[each["image_ids"]]].setdefault(each["person_id"], joints)
     annotated = [[dict[int, np.ndarray]() for _ in rig.names] for _ in triplets]
     boxes = [list[Box]() for _ in triplets]
@@ -115,7 +115,7 @@ def read_mvor(folder: Path) -> Mvor:
 
 
 def _rig(parameters: dict[str, Any]) -> CameraRig:
-    """Cameras without lens distortion (the images are rectified); stored poses lead from each camera to the first."""
+    """Return cameras without distortion (images are rectified); stored poses lead from each camera to the first."""
     cameras = []
     for v, (lens, pose) in enumerate(zip(parameters["intrinsics"], parameters["extrinsics"], strict=True)):
         (fx, fy), (cx, cy) = lens["focallength"], lens["principalpoint"]
@@ -128,14 +128,14 @@ def _rig(parameters: dict[str, Any]) -> CameraRig:
 
 
 def _pixels(numbers: Sequence[float]) -> np.ndarray:
-    """Shape (keypoint, 3): x, y and confidence or visibility; all NaN where the latter is 0."""
+    """Return x, y and confidence or visibility, NaN where the latter is 0, shape (keypoint, 3)."""
     rows = np.array(numbers, dtype=np.float64).reshape(-1, 3)
     rows[rows[:, 2] == 0] = np.nan
     return rows
 
 
 def _detections(openpose: list[Any], place: dict[int, tuple[int, int]], n: int, rig: CameraRig) -> Detections:
-    """People ordered by frame and view, in a view as the file has them."""
+    """Return people ordered by frame and view, and within a view as in the file."""
     cells = np.array([place[each["image_id"]] for each in openpose])
     flat = cells[:, 0] * len(rig) + cells[:, 1]
     rows = np.stack([_pixels(openpose[i]["coco_keypoints"]) for i in np.argsort(flat, kind="stable")])
@@ -154,15 +154,15 @@ def _detections(openpose: list[Any], place: dict[int, tuple[int, int]], n: int, 
 
 
 def to_joints(points: np.ndarray, skeleton: Skeleton) -> np.ndarray:
-    """MVOR's ten joints from a skeleton's keypoints, in 3D or in px: (..., keypoint, n) to (..., 10, n)."""
+    """Convert a skeleton's keypoints to MVOR's ten joints, in 3D or px: (..., keypoint, n) to (..., 10, n)."""
     columns = [[skeleton.index(part) for part in parts] for parts in SOURCES.values()]
     return np.stack([points[..., each, :].mean(axis=-2) for each in columns], axis=-2)
 
 
 def told_who(data: Mvor, frame: int) -> np.ndarray:
-    """Shape (truth, view), int64: which detection in each view is the person's, -1 for none: association's truth.
+    """Return the true association: detection of each person in each view, -1 for none, shape (truth, view), int64.
 
-    By the manual annotation of the view, one to one, on the mean distance of the joints both have.
+    Detections are matched with the annotation of the view, one to one, by the mean distance of common joints.
     """
     chosen = np.full((len(data.persons[frame]), len(data.rig)), -1, dtype=np.int64)
     for v in range(len(data.rig)):
@@ -182,14 +182,14 @@ def told_who(data: Mvor, frame: int) -> np.ndarray:
 
 
 def _detected(data: Mvor, frame: int, view: int) -> np.ndarray:
-    """Shape (person, 10, 2): OpenPose's joints in one view."""
+    """Return OpenPose's joints in one view, shape (person, 10, 2)."""
     cell = frame * len(data.rig) + view
     rows = slice(int(data.detections.offsets[cell]), int(data.detections.offsets[cell + 1]))
     return to_joints(np.asarray(data.detections.keypoints_px[rows]), data.detections.skeleton)
 
 
 def oracle(data: Mvor) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """What plain linear triangulation makes of the detections, being told whose they are.
+    """Triangulate the detections linearly with the true association.
 
     Returns:
         By frame, joints of each person of the truth, shape (truth, 10, 3), NaN below two views; and the number of
@@ -208,9 +208,9 @@ def oracle(data: Mvor) -> tuple[list[np.ndarray], list[np.ndarray]]:
 
 
 def linear_points(rig: CameraRig, pixels: np.ndarray) -> np.ndarray:
-    """Linear triangulation (DLT): (person, view, joint, 2) to (person, joint, 3), NaN below two views."""
+    """Triangulate linearly (DLT): (person, view, joint, 2) to (person, joint, 3), NaN below two views."""
     projections = np.stack([camera.matrix @ camera.camera_from_world[:3] for camera in rig.cameras])
-    # Rows x P2 - P0 and y P2 - P1 of each view; a view that does not see the joint gives zeros.
+    # Rows x P2 - P0 and y P2 - P1 of each view; zeros for a view without the joint.
     seen = np.isfinite(pixels).all(axis=-1)
     known = np.where(seen[..., None], pixels, 0.0)
     rows = known[..., None] * projections[:, None, 2:] - projections[:, None, :2]
@@ -224,13 +224,13 @@ def linear_points(rig: CameraRig, pixels: np.ndarray) -> np.ndarray:
 
 
 def is_unannotated(data: Mvor, frame: int, points_m: np.ndarray) -> np.ndarray:
-    """Shape (person,), bool: proposals that may be a person without 3D truth.
+    """Return which proposals may show a person without 3D truth, shape (person,), bool.
 
-    They are those of which at least half the joints lie in boxes of such a person in two views.
+    At least half of their joints are in boxes of such a person in two views.
 
     Args:
         data: the data set.
-        frame: its number.
+        frame: number of the frame.
         points_m: shape (person, 10, 3).
     """
     pixels = data.rig.project(points_m)
@@ -238,7 +238,7 @@ def is_unannotated(data: Mvor, frame: int, points_m: np.ndarray) -> np.ndarray:
     for p in range(len(points_m)):
         n = max(int(np.isfinite(points_m[p]).all(axis=-1).sum()), 1)
         hit = [box for box in data.boxes[frame] if 2 * _inside(box, pixels[box.view, p]) >= n]
-        # A box without an id may be anybody's; those with ids must be one person's.
+        # A box without an id may belong to any person; those with ids must belong to one person.
         unnamed = {box.view for box in hit if box.person < 0}
         named = {box.person: {b.view for b in hit if b.person == box.person} for box in hit if box.person >= 0}
         found[p] = max(len(unnamed | views) for views in (set(), *named.values())) >= 2
@@ -267,7 +267,7 @@ def score(data: Mvor, proposals_m: Sequence[np.ndarray]) -> AssociationScores:
 
 
 def proposed(data: Mvor, method: ProposalMethod) -> list[np.ndarray]:
-    """By frame, joints of the people a method proposes from all detections, shape (person, 10, 3)."""
+    """Return by frame the joints of the proposed people of all detections, shape (person, 10, 3)."""
     noise, options = default_noise(data.rig, Options()), AssociationOptions(method=method)
     found = []
     for f in range(data.detections.n_frames):
@@ -279,7 +279,7 @@ def proposed(data: Mvor, method: ProposalMethod) -> list[np.ndarray]:
 
 
 def main() -> None:
-    """Print what the oracle makes of it, and what is proposed."""
+    """Print the results of the oracle and of the proposals."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     data = read_mvor(parser.parse_args().folder / "mvor")

@@ -1,7 +1,7 @@
-"""Time to read many OpenPose files: ``python -m benchmarks.openpose_files --frames 25000``.
+"""Measure the time to read many OpenPose files: ``python -m benchmarks.openpose_files --frames 25000``.
 
 A recording of four views is written, one JSON file per frame and view, as OpenPose writes them (BODY_25, one person,
-some frames without), and read in its own process, which measures wall and processor time and memory. Several lengths
+some frames without), and read in a separate process, which measures wall and processor time and memory. Several lengths
 show whether time is linear in frames; ``--cold`` reads files that are not in the system's cache.
 """
 

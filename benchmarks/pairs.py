@@ -1,11 +1,11 @@
-"""Benchmark of paired keypoints with label swaps, compared with the oracle, labels as given, and sds.
+"""Benchmark of paired keypoints with label swaps, compared with the oracle, original labels, and sds.
 
 ``python -m benchmarks.pairs [--trials N] [--only NAME,...]``. Cameras in a ring of 4.5 m, 1.5 to 2.5 m high, f 1500 px,
 5 px noise, pairs anywhere in a cube of 1 m, 300 mm apart; a view swaps with probability 0.25, one of its keypoints is
 up to 200 px off with probability 0.10, a keypoint is missing with probability 0.10. The oracle knows the true pairing,
-the true inliers and the noise; ours get the noise. An error is the mean distance of both points, by best matching, over
-the trials in which the oracle has both (two inlier views each); trials in which a method returns fewer are counted
-apart. All of it on one core.
+the true inliers and the noise; the methods know the noise. An error is the mean distance of both points, by best
+matching, over the trials in which the oracle has both (two inlier views each); trials in which a method returns fewer
+are counted separately. Everything runs on one core.
 """
 
 import argparse
@@ -87,27 +87,27 @@ def ring(cameras: int) -> CameraRig:
     rig = build_rig("ring", cameras, focal_px=1500.0)
     angle = 2.0 * np.pi * np.arange(cameras) / cameras
     height = 1.5 + np.arange(cameras) * 0.618034 % 1.0
-    centres = np.stack([4.5 * np.cos(angle), 4.5 * np.sin(angle), height], axis=1)
+    centers = np.stack([4.5 * np.cos(angle), 4.5 * np.sin(angle), height], axis=1)
     target = np.array([0.0, 0.0, 0.9])
     return CameraRig(
         tuple(
-            replace(camera, camera_from_world=look_at(centre, target))
-            for camera, centre in zip(rig.cameras, centres, strict=True)
+            replace(camera, camera_from_world=look_at(center, target))
+            for camera, center in zip(rig.cameras, centers, strict=True)
         ),
         up_axis="z",
     )
 
 
 def scattered(n: int, apart_m: float, rng: np.random.Generator) -> np.ndarray:
-    """Shape (n, 2, 3): pairs anywhere in the cube, in any direction."""
-    centre = rng.uniform([-0.5, -0.5, 0.4], [0.5, 0.5, 1.4], (n, 3))
+    """Return pairs at random positions and directions in the cube, shape (n, 2, 3)."""
+    center = rng.uniform([-0.5, -0.5, 0.4], [0.5, 0.5, 1.4], (n, 3))
     direction = rng.standard_normal((n, 3))
     half = 0.5 * apart_m * direction / np.linalg.norm(direction, axis=1, keepdims=True)
-    return np.stack([centre + half, centre - half], axis=1)
+    return np.stack([center + half, center - half], axis=1)
 
 
 def walking(n: int, rng: np.random.Generator) -> np.ndarray:
-    """Shape (n, 2, 3): ankles on a circle, 60 frames a second, 1 m/s, taking turns."""
+    """Return alternating ankles on a circle at 60 frames per second and 1 m/s, shape (n, 2, 3)."""
     time = np.arange(n) / 60.0
     heading = time / 1.0 + rng.uniform(0.0, 2.0 * np.pi)
     middle = np.stack([np.cos(heading), np.sin(heading), np.full(n, 0.5)], axis=1) * [0.45, 0.45, 1.0]
@@ -130,7 +130,7 @@ def scene(
     pairs: int = 1,
     seed: int = 0,
 ) -> Scene:
-    """Simulate pairs with the faults of the table."""
+    """Simulate pairs with the faults of a case."""
     rng = np.random.default_rng(seed)
     rig = ring(cameras)
     points = walking(n, rng) if walk else scattered(n, apart_m, rng)
@@ -149,7 +149,7 @@ def scene(
 
 
 def oracle(data: Scene) -> np.ndarray:
-    """Shape (trial, 2, 3): maximum likelihood from the true inliers, paired as they are in truth."""
+    """Return the maximum-likelihood points of the true inliers with the true pairing, shape (trial, 2, 3)."""
     points = np.empty(data.points_m.shape)
     for side in range(2):
         mine = data.inlier & (data.truth == side)
@@ -175,20 +175,20 @@ def solved(data: Scene, method: Callable[..., SolvedPairs], pair_options: PairOp
 
 
 def believed(data: Scene) -> np.ndarray:
-    """Shape (trial, 2, 3): by consensus, each label by itself."""
+    """Return the points by consensus for each label separately, shape (trial, 2, 3)."""
     layer = consensus.solve(data.rig, data.detections, data.tracks, data.noise, OPTIONS)
     return np.asarray(layer.points_m)[:, 0]
 
 
 def errors_mm(points_m: np.ndarray, truth_m: np.ndarray) -> np.ndarray:
-    """Shape (trial,): mean distance of both points, by best matching; NaN where one is missing."""
+    """Return the mean distance of both points, by best matching, NaN if one is missing, shape (trial,)."""
     straight = np.linalg.norm(points_m - truth_m, axis=-1).mean(axis=-1)
     crossed = np.linalg.norm(points_m[:, ::-1] - truth_m, axis=-1).mean(axis=-1)
     return 1000.0 * np.minimum(straight, crossed)
 
 
 def far(points_m: np.ndarray, truth_m: np.ndarray) -> np.ndarray:
-    """Shape (trial,), bool: a point is more than 100 mm off, by the better matching."""
+    """Return whether a point is more than 100 mm off by the best matching, shape (trial,), bool."""
     distance = np.linalg.norm(points_m[:, :, None] - truth_m[:, None], axis=-1)
     straight = np.maximum(distance[:, 0, 0], distance[:, 1, 1])
     crossed = np.maximum(distance[:, 0, 1], distance[:, 1, 0])
@@ -197,7 +197,7 @@ def far(points_m: np.ndarray, truth_m: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Score:
-    """Median and 95th percentile in mm, share beyond 100 mm, share missing."""
+    """Median and 95th percentile in mm, share beyond 100 mm, and share missing."""
 
     median: float
     p95: float
@@ -226,16 +226,16 @@ CASES: dict[str, tuple[dict[str, object], float]] = {
     "5, same, walking": ({"cameras": 5, "outlier": 0.1, "missing": 0.1, "walk": True}, 1.5),
     "4, missing": ({"cameras": 4, "missing": 0.1}, 0.8),
 }
-"""Name to what is drawn, and by how many percent the share beyond 100 mm may exceed the oracle's."""
+"""Simulated cases by name, and the allowed excess of the share beyond 100 mm over the oracle's, in percent."""
 
 PRIOR_M = 0.05
 """Distance that ankles move in one frame of 1/60 s."""
 
 
 def table(trials: int) -> None:
-    """Print every case: the oracle, our methods, sds, and labels as given."""
+    """Print every case: the oracle, our methods, sds, and original labels."""
     print(f"\n{trials} trials: median mm, 95 % mm, beyond 100 mm %, missing %; ratios of ours to the oracle's")
-    print(f"{'':24}{'oracle':^29}{'enumerate':^29}{'med.':>7}{'p95':>7}{'+%':>7}{'may':>6}{'sds':^29}{'labels':^29}")
+    print(f"{'':24}{'oracle':^29}{'enumerate':^29}{'med.':>7}{'p95':>7}{'+%':>7}{'limit':>6}{'sds':^29}{'labels':^29}")
     for name, (drawn, allowed) in CASES.items():
         data = scene(trials, **drawn)  # type: ignore[arg-type]
         best = oracle(data)
@@ -253,9 +253,9 @@ def table(trials: int) -> None:
 
 
 def flags(trials: int) -> None:
-    """Points that only two inlier views see: how many are wrong, and how many of them say so."""
+    """Print how many points with two inlier views are wrong, and how many of those are flagged."""
     print(
-        "\npoints that two inlier views see: how many, beyond 100 mm, of these ambiguous; and of the others with points"
+        "\npoints with two inlier views: number, beyond 100 mm, ambiguous ones of these; and the same for other points"
     )
     for name, (drawn, _) in CASES.items():
         data = scene(trials, **drawn)  # type: ignore[arg-type]
@@ -267,19 +267,21 @@ def flags(trials: int) -> None:
         seen = np.stack([(data.inlier & (data.truth == side)).sum(axis=(1, 2)) for side in range(2)], axis=1)
         seen = np.take_along_axis(seen, truth, axis=1)
         wrong = 1000.0 * np.take_along_axis(distance, truth[..., None], axis=2)[..., 0] > FAR_MM
-        said = (status == PointStatus.AMBIGUOUS) | (status == PointStatus.UNDECIDED)
+        flagged = (status == PointStatus.AMBIGUOUS) | (status == PointStatus.UNDECIDED)
         two, more, has = seen == 2, seen > 2, status < PointStatus.NOT_SEEN
         print(
-            f"{name:24}two: {int(two.sum()):5} said {int((two & said).sum()):5} wrong {int((two & wrong).sum()):5} "
-            f"said {int((two & wrong & said).sum()):5}   more: {int(more.sum()):6} said {int((more & said).sum()):5} "
-            f"wrong {int((more & has & wrong).sum()):5} said {int((more & wrong & said).sum()):5}",
+            f"{name:24}two: {int(two.sum()):5} flagged {int((two & flagged).sum()):5} wrong "
+            f"{int((two & wrong).sum()):5} "
+            f"flagged {int((two & wrong & flagged).sum()):5}   more: {int(more.sum()):6} flagged "
+            f"{int((more & flagged).sum()):5} "
+            f"wrong {int((more & has & wrong).sum()):5} flagged {int((more & wrong & flagged).sum()):5}",
             flush=True,
         )
 
 
 def unswapped(trials: int) -> None:
     """Print the cost of ignoring the labels when there are no swaps."""
-    print("\nno swaps: mean error mm of the pair solve, of labels believed, ratio")
+    print("\nno swaps: mean error mm of the pair solve, with labels, ratio")
     for cameras in (4, 5, 8):
         for faults in ({}, {"outlier": 0.1, "missing": 0.1}):
             data = scene(trials, cameras, swap=0.0, **faults)  # type: ignore[arg-type]
@@ -297,21 +299,21 @@ def unswapped(trials: int) -> None:
 
 def speed(trials: int) -> None:
     """Print the CPU ms per frame of 12 pairs, and the ratio of sds."""
-    print("\nCPU ms a frame of 12 pairs, one thread; sds; ratio")
+    print("\nCPU ms per frame of 12 pairs, one thread; sds; ratio")
     for cameras, asked in ((8, 0.25), (16, 2.0)):
         data = scene(12 * max(trials // 12, 40), cameras, outlier=0.1, missing=0.1, pairs=12)
         few = replace(data, pixels=data.pixels[: 12 * 20])
         frames, few_frames = len(data.pixels) // 12, 20
         ours = 1000 * median_cpu_s(call_of(data, enumerated.solve), 7) / frames
         theirs = 1000 * median_cpu_s(call_of(few, population_search.solve), 3) / few_frames
-        print(f"{cameras:3} cameras {ours:8.4f} (asked {asked}) {theirs:9.3f}{theirs / ours:8.1f}", flush=True)
+        print(f"{cameras:3} cameras {ours:8.4f} (limit {asked}) {theirs:9.3f}{theirs / ours:8.1f}", flush=True)
 
 
 PARTS: dict[str, Callable[[int], None]] = {"table": table, "flags": flags, "unswapped": unswapped, "speed": speed}
 
 
 def main() -> None:
-    """Measure and print."""
+    """Run the benchmark and print its tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=TRIALS)
     parser.add_argument("--only", default=",".join(PARTS), help=f"some of {', '.join(PARTS)}")

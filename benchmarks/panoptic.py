@@ -1,6 +1,6 @@
-"""Real motion from the CMU Panoptic dome, used to simulate detections.
+"""Read real motion from the CMU Panoptic dome, which is used to simulate detections.
 
-There are no 2D detections with it. Positions come in meters, in the dome's own axes: y points down, so up is -y.
+It has no 2D detections. Positions are in meters, in the axes of the dome: y points down, so up is -y.
 """
 
 import json
@@ -15,11 +15,11 @@ from posefuse.model.cameras import Camera, CameraRig
 from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 
 RATE_HZ = 29.97
-"""Of the HD cameras."""
+"""Frame rate of the HD cameras."""
 
 METRES_PER_UNIT = 0.01
 HD_CAMERAS = ("00_03", "00_06", "00_12", "00_13", "00_23")
-"""The five that the field evaluates with."""
+"""The five cameras that are commonly used for evaluation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class Motion:
         rig: chosen cameras, in meters, -y up.
         skeleton: panoptic_19.
         points_m: shape (frame, person, keypoint, 3), NaN where missing.
-        person_ids: of the dome's own tracking.
+        person_ids: names in the dome's tracking.
         frame_numbers: shape (frame,).
         rate_hz: nominal frame rate.
     """
@@ -47,8 +47,8 @@ def one_person(folder: Path, cameras: Sequence[str] = HD_CAMERAS) -> Motion:
     """Read ``panoptic_motion``: 7181 consecutive frames of one person.
 
     Args:
-        folder: of the recordings.
-        cameras: names, as the calibration has them.
+        folder: folder of the recordings.
+        cameras: names of cameras in the calibration.
     """
     place = folder / "panoptic_motion"
     with np.load(place / "Panoptic_GT_171026_pose3.npz") as held:
@@ -62,9 +62,9 @@ def three_people(folder: Path, sequence: str = "160906_band1", cameras: Sequence
     """Read a sequence of ``panoptic_three_people``: 20 consecutive frames of people who hardly move.
 
     Args:
-        folder: of the recordings.
+        folder: folder of the recordings.
         sequence: ``160906_band1`` or ``160906_band2``.
-        cameras: names, as the calibration has them.
+        cameras: names of cameras in the calibration.
     """
     place = folder / "panoptic_three_people" / sequence
     files = sorted((place / "hdPose3d_stage1_coco19").glob("body3DScene_*.json"))
@@ -81,7 +81,7 @@ def three_people(folder: Path, sequence: str = "160906_band1", cameras: Sequence
 
 
 def _joints(body: dict[str, Any]) -> np.ndarray:
-    """Shape (19, 3), in meters; joints that were not detected have a negative confidence."""
+    """Return joints in meters, shape (19, 3); joints that were not detected have a negative confidence."""
     rows = np.array(body["joints19"], dtype=np.float64).reshape(-1, 4)
     return np.where(rows[:, 3:] >= 0, METRES_PER_UNIT * rows[:, :3], np.nan)
 

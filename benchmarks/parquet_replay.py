@@ -1,8 +1,8 @@
-"""Memory of reading a large parquet replay by ranges of frames: ``python -m benchmarks.parquet_replay --gigabytes 1``.
+"""Measure the memory of reading a large parquet recording in ranges of frames.
 
-A detection folder of four views (COCO-WholeBody-133, three people) of that size is written into a temporary folder, and
-read range by range, a thousand frames each, in a process of its own. The same at a quarter of the length shows what of
-the memory grows with it.
+``python -m benchmarks.parquet_replay --gigabytes 1``. A detection folder of that size (four views, COCO-WholeBody-133,
+three people) is written to a temporary folder and read in ranges of a thousand frames in a separate process. A second
+recording of a quarter of the length shows how memory grows with the length.
 """
 
 import time
@@ -60,12 +60,12 @@ def _table(rng: np.random.Generator, start: int):
 
 
 def read(folder: Path) -> dict[str, float]:
-    """Read a recording range by range."""
+    """Read a recording in ranges."""
     return read_ranges(folder, "coco_wholebody_133")
 
 
 def read_ranges(path: Path, skeleton: str | None) -> dict[str, float]:
-    """Read a path range by range, a thousand frames each."""
+    """Read a path in ranges of a thousand frames."""
     from posefuse import read_detections
 
     start = time.perf_counter()

@@ -43,7 +43,7 @@ from posefuse.tracking.tracker import ArticulatedTracker
 _GATE_M = 0.5
 _END_S = 1.0
 _WIDE = 25.0
-"""Factor on the prior variance of bone lengths, for the ablation with weakly constrained bones."""
+"""Factor for the prior variance of bone lengths, for the ablation with weakly constrained bones."""
 _ABLATED_CROWD_S = 20.0
 _NAMES = (*SCENARIOS, "equal")
 
@@ -126,10 +126,10 @@ def follow(
     """Track all people, frame by frame.
 
     Args:
-        scene: what is followed.
-        tracker: that has not followed anything yet.
-        smoothed: whether people are scored as all frames together have them, in the frames in which they were active.
-        scoring: what is asked of the scores.
+        scene: scene to track.
+        tracker: new tracker.
+        smoothed: whether the smoothed people are scored, in frames in which they were active.
+        scoring: options of the scores.
     """
     told: list[People] = []
     history = History(tracker.settings)
@@ -171,7 +171,7 @@ def exclusive_folder(scene: CrowdScene, told: Sequence[People]) -> Alone:
             if scene.kind[row] not in (Kind.PERSON, Kind.DUPLICATE):
                 continue
             there = truth[f, scene.owner[row]]
-            ray = there.mean(axis=0) - scene.rig.cameras[view[0]].centre_m
+            ray = there.mean(axis=0) - scene.rig.cameras[view[0]].center_m
             ray /= np.linalg.norm(ray)
             error, covariance = person.points_m - there, unpack_covariance(person.covariance_m2)
             off.append((error @ ray).mean())
@@ -219,7 +219,7 @@ def is_right(data: PeoplePoints) -> bool:
         ValueError: if the data have no times.
     """
     if data.time_s is None:
-        raise ValueError("Identities at the end need the times of frames; these points have none.")
+        raise ValueError("Comparing identities at the end needs the times of frames, which these points lack.")
     here, found = is_here(data.truth_m), is_here(data.points_m)
     person = matches_of(mean_distances_m(data.points_m, data.truth_m), found, here, _GATE_M).person
     for t in range(person.shape[1]):
@@ -249,7 +249,7 @@ def _ghost(scores: PeopleScores) -> int:
 
 
 HEAD = (
-    "| scene | seeds | identities right | switches | fragments | recall, % | longest ghost, frames | MPJPE, mm "
+    "| scene | seeds | correct identities | switches | fragments | recall, % | longest ghost, frames | MPJPE, mm "
     "| inside 68 / 95 % region | NEES | jitter ratio | ms/frame | baseline: MPJPE, mm | switches |\n"
     "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|"
 )
@@ -350,7 +350,7 @@ class Ablation:
         what: Label of the row.
         options: Options of the tracker.
         components: Components that are replaced by those of the strategy `specification`.
-        shape_spread: Factor on the variance of bone lengths in the prior.
+        shape_spread: Factor for the variance of bone lengths in the prior.
         smoothed: Whether the smoothed results are scored.
     """
 
@@ -374,9 +374,7 @@ class Ablation:
         return follow(scene, tracker, smoothed=self.smoothed)
 
 
-STAGES = (
-    "fast_motion", "single_view", "camera_monitor", "identity_audit", "reinitialization", "partial_detections",
-)  # fmt: skip
+STAGES = tuple(name for name, value in vars(TrackerOptions()).items() if hasattr(value, "enabled"))
 """Stages of the tracker that an option turns off."""
 
 
@@ -408,7 +406,7 @@ ABLATIONS = (
 )
 
 ABLATION_HEAD = (
-    "| | scene | identities right | switches | fragments | recall, % | longest ghost, frames | MPJPE, mm "
+    "| | scene | correct identities | switches | fragments | recall, % | longest ghost, frames | MPJPE, mm "
     "| inside 68 / 95 % region | NEES |\n|---|---|---|---|---|---|---|---|---|---|"
 )
 

@@ -68,8 +68,8 @@ def run(benchmark: Benchmark) -> None:
     """Write and read recordings of the sizes given on the command line."""
     parser = argparse.ArgumentParser(description=benchmark.about)
     parser.add_argument(f"--{benchmark.flag}", dest="sizes", type=benchmark.kind, nargs="+", default=benchmark.sizes)
-    parser.add_argument("--folder", type=Path, help="a recording to read; by default one of each size is made")
-    parser.add_argument("--cold", action="store_true", help="have the system forget what is in the files first")
+    parser.add_argument("--folder", type=Path, help="recording to read; by default one of each size is created")
+    parser.add_argument("--cold", action="store_true", help="drop the files from the system's cache first")
     parser.add_argument("--json", action="store_true", help="say it as JSON")
     chosen = parser.parse_args()
     if chosen.folder is not None:

@@ -1,9 +1,9 @@
-"""Wrong views: our methods and the peers' on the same walking figure, accuracy beside the oracle's, and CPU time.
+"""Compare the outlier rejection of all methods and of other programs: accuracy relative to an oracle, and CPU time.
 
 ``python -m benchmarks.rejection [--frames N] [--only NAME,...]``. The oracle is the maximum-likelihood point of the
-true inliers with the true noise; ours get neither. Points are scored that at least three true inlier views see and a
-method returned; the others are reported apart. Every peer runs in its own locked environment, on one core, between two
-runs of ours.
+true inliers with the true noise, which no method knows. Scored points are seen by at least three true inlier views and
+returned by the method; the others are reported separately. Every other program runs in its own locked environment, on
+one core, between two runs of posefuse.
 """
 
 import argparse
@@ -37,12 +37,12 @@ SIZES_PX = (0, 5, 8, 10, 14, 20, 30, 40, 60, 100, 200, 400)
 
 @dataclass(frozen=True)
 class Score:
-    """How far a method's points lie from the truth, where three inlier views or more see them.
+    """Errors of a method's points that three or more inlier views see.
 
     Attributes:
-        mean_mm, rmse_mm, median_mm, p99_mm: of the distances.
+        mean_mm, rmse_mm, median_mm, p99_mm: statistics of the errors.
         far: share beyond 5 cm.
-        missing: share of these points that was not returned.
+        missing: share of these points that the method did not return.
     """
 
     mean_mm: float
@@ -53,9 +53,9 @@ class Score:
     missing: float
 
     @classmethod
-    def of(cls, points_m: np.ndarray, data: Walk, judged: np.ndarray) -> "Score":
-        """Of points (frame, keypoint, 3), where ``judged`` (frame, keypoint) says so."""
-        error = np.linalg.norm(points_m - data.points_m[: len(points_m)], axis=-1)[judged[: len(points_m)]]
+    def of(cls, points_m: np.ndarray, data: Walk, scored: np.ndarray) -> "Score":
+        """Score points (frame, keypoint, 3) where ``scored`` (frame, keypoint) is true."""
+        error = np.linalg.norm(points_m - data.points_m[: len(points_m)], axis=-1)[scored[: len(points_m)]]
         there = error[np.isfinite(error)]
         return cls(
             1000 * float(there.mean()),
@@ -67,51 +67,51 @@ class Score:
         )
 
 
-def options_of(method: str = "consensus", **given: object) -> Options:
-    """Everything else as it is by default."""
-    return Options(pairs="labels", triangulation=TriangulationOptions(method=method), **given)  # type: ignore[arg-type]
+def options_of(method: str = "consensus", **options: object) -> Options:
+    """Return options with a method, and defaults otherwise."""
+    return Options(pairs="labels", triangulation=TriangulationOptions(method=method), **options)  # type: ignore[arg-type]
 
 
 def measured(data: Walk, options: Options) -> Layer:
-    """The measured layer."""
+    """Return the measured layer."""
     return triangulate(data.rig, data.detections, options).layers["measured"]
 
 
 def oracle(data: Walk) -> np.ndarray:
-    """Shape (frame, keypoint, 3): all true inliers, the true noise."""
+    """Return the points of all true inliers with the true noise, shape (frame, keypoint, 3)."""
     pixels = np.where(data.inlier[..., None], data.pixels, np.nan)
     given = Options(noise_scale_px=SIGMA_PX, triangulation=TriangulationOptions("simple", min_views=2))
     return measured(replace(data, pixels=pixels), given).points_m[:, 0]
 
 
-def covered(layer: Layer, data: Walk, judged: np.ndarray) -> tuple[float, float]:
-    """Share of points inside their 68 and 95 % regions."""
-    judged = judged & layer.has_point[:, 0]
-    offset = (layer.points_m[:, 0] - data.points_m)[judged]
-    inverse = np.linalg.inv(unpack_covariance(layer.covariance_m2[:, 0])[judged])
+def covered(layer: Layer, data: Walk, scored: np.ndarray) -> tuple[float, float]:
+    """Return the shares of points inside their 68 and 95 % regions."""
+    scored = scored & layer.has_point[:, 0]
+    offset = (layer.points_m[:, 0] - data.points_m)[scored]
+    inverse = np.linalg.inv(unpack_covariance(layer.covariance_m2[:, 0])[scored])
     squared = np.einsum("ni,nij,nj->n", offset, inverse, offset)
     return float((squared < REGION_68).mean()), float((squared < REGION_95).mean())
 
 
-def flagged(layer: Layer, data: Walk, judged: np.ndarray) -> tuple[int, int]:
-    """Of the points too few inlier views see: how many are wrong (beyond 5 cm), and how many of those say so."""
+def flagged(layer: Layer, data: Walk, scored: np.ndarray) -> tuple[int, int]:
+    """Count wrong points (beyond 5 cm) with too few inlier views, and those of them whose status is a warning."""
     error = np.linalg.norm(layer.points_m[:, 0] - data.points_m, axis=-1)
-    wrong = ~judged & (error > FAR_M)
+    wrong = ~scored & (error > FAR_M)
     return int(wrong.sum()), int((wrong & np.isin(layer.status[:, 0], FLAGS)).sum())
 
 
 def line(name: str, data: Walk, options: Options) -> str:
-    """A set's figures on one line."""
-    judged = data.inlier.sum(axis=1) >= 3
+    """Format the results of a set on one line."""
+    scored = data.inlier.sum(axis=1) >= 3
     layer = measured(data, options)
-    ours, best = Score.of(layer.points_m[:, 0], data, judged), Score.of(oracle(data), data, judged)
-    low, high = covered(layer, data, judged)
-    wrong, said = flagged(layer, data, judged)
+    ours, best = Score.of(layer.points_m[:, 0], data, scored), Score.of(oracle(data), data, scored)
+    low, high = covered(layer, data, scored)
+    wrong, warned = flagged(layer, data, scored)
     spent = 1000 * median_cpu_s(lambda: measured(data, options), 3) / len(data.pixels)
     return (
         f"{name:24}{best.median_mm:6.2f}{ours.median_mm / best.median_mm:7.3f}{best.p99_mm:7.1f}"
         f"{ours.p99_mm / best.p99_mm:7.3f}{ours.rmse_mm / best.rmse_mm:7.3f}{100 * best.far:7.3f}{100 * ours.far:7.3f}"
-        f"{100 * ours.missing:7.3f}{100 * low:6.1f}{100 * high:6.1f}{wrong:6d}{said:6d}{spent:8.3f}"
+        f"{100 * ours.missing:7.3f}{100 * low:6.1f}{100 * high:6.1f}{wrong:6d}{warned:6d}{spent:8.3f}"
     )
 
 
@@ -119,31 +119,31 @@ HEADING = (
     f"{'':24}{'oracle':>6}{'ours':>7}{'oracle':>7}{'ours':>7}{'ours':>7}{'oracle':>7}{'ours':>7}{'ours':>7}"
     f"{'inside':>12}{'< 3 inliers':>12}{'CPU ms':>8}\n"
     f"{'':24}{'median':>6}{'median':>7}{'p99':>7}{'p99':>7}{'rmse':>7}{'>5 cm':>7}{'>5 cm':>7}{'miss.':>7}"
-    f"{'68 %':>6}{'95 %':>6}{'wrong':>6}{'said':>6}{'/frame':>8}\n"
+    f"{'68 %':>6}{'95 %':>6}{'wrong':>6}{'flag':>6}{'/frame':>8}\n"
     f"{'':24}{'mm':>6}{'ratio':>7}{'mm':>7}{'ratio':>7}{'ratio':>7}{'%':>7}{'%':>7}{'%':>7}{'%':>6}{'%':>6}"
 )
 
 
-def ring_of_table(cameras: int) -> CameraRig:
-    """The rig of the table of FreeMoCap's accuracies: radius 4 m, heights 1.5 and 2 m, f 1100 px, k1 -0.05."""
+def freemocap_ring(cameras: int) -> CameraRig:
+    """Return the rig of FreeMoCap's accuracy table: radius 4 m, heights 1.5 and 2 m, f 1100 px, k1 -0.05."""
     rig = build_rig("ring", cameras, "barrel", focal_px=1100.0)
     angle = 2 * np.pi * np.arange(cameras) / cameras
-    centres = np.stack([4 * np.cos(angle), 4 * np.sin(angle), np.where(np.arange(cameras) % 2, 2.0, 1.5)], axis=1)
+    centers = np.stack([4 * np.cos(angle), 4 * np.sin(angle), np.where(np.arange(cameras) % 2, 2.0, 1.5)], axis=1)
     return CameraRig(
         tuple(
-            replace(camera, camera_from_world=look_at(centre, np.array([0, 0, 0.9])), distortion=(-0.05, 0, 0, 0, 0))
-            for camera, centre in zip(rig.cameras, centres, strict=True)
+            replace(camera, camera_from_world=look_at(center, np.array([0, 0, 0.9])), distortion=(-0.05, 0, 0, 0, 0))
+            for camera, center in zip(rig.cameras, centers, strict=True)
         ),
         up_axis="z",
     )
 
 
-def table_rows(frames: int) -> Iterator[tuple[str, Walk]]:
-    """The rows of that table."""
+def freemocap_cases(frames: int) -> Iterator[tuple[str, Walk]]:
+    """Yield the cases of FreeMoCap's accuracy table."""
 
     def case(cameras: int, share: float = 0.0, px: tuple[float, float] = (50.0, 400.0), missing: float = 0.0) -> Walk:
         return walk(
-            frames, rig=ring_of_table(cameras), outlier_share=share, outlier_px=px, missing_share=missing,
+            frames, rig=freemocap_ring(cameras), outlier_share=share, outlier_px=px, missing_share=missing,
             skeleton="mediapipe_33",
         )  # fmt: skip
 
@@ -157,7 +157,7 @@ def table_rows(frames: int) -> Iterator[tuple[str, Walk]]:
 
 
 def sets(frames: int) -> None:
-    """Gross outliers: few and many, lenses, missing keypoints."""
+    """Print results with gross outliers: few and many, different lenses, missing keypoints."""
     print(f"\nGross outliers of 30 to 300 px, 26 keypoints, {frames} frames\n{HEADING}")
     print(line("5 cameras, clean", walk(frames), options_of()), flush=True)
     for lens in ("pinhole", "barrel", "fisheye"):
@@ -175,29 +175,29 @@ def sets(frames: int) -> None:
 
 
 def table(frames: int) -> None:
-    """FreeMoCap's table: 33 keypoints."""
+    """Print FreeMoCap's accuracy table for 33 keypoints."""
     print(f"\n33 keypoints, 4 m, f 1100 px, outliers of 50 to 400 px, {frames} frames\n{HEADING}")
-    for name, data in table_rows(frames):
+    for name, data in freemocap_cases(frames):
         print(line(name, data, options_of()), flush=True)
 
 
 def sizes(frames: int) -> None:
-    """One wrong view of five at every point."""
+    """Print errors with one wrong view of five at every point."""
     data = walk(frames, rig=build_rig("ring", 5, focal_px=1100.0))
-    print(f"\nOne wrong view of five at every point, f 1100 px, {frames} frames: mean error as a share of the floor's")
-    print(f"{'size px':>10}{'floor mm':>10}{'consensus':>11}{'named %':>9}{'simple':>9}{'noise px':>10}")
+    print(f"\nOne wrong view of five at every point, f 1100 px, {frames} frames: mean error relative to the oracle")
+    print(f"{'size px':>10}{'oracle mm':>10}{'consensus':>11}{'rejected %':>11}{'simple':>9}{'noise px':>10}")
     for size in SIZES_PX:
         moved = with_one_wrong_view(data, size) if size else data
-        judged = np.ones(moved.inlier.shape[::2], dtype=bool)
-        floor = Score.of(oracle(moved), moved, judged).mean_mm
+        scored = np.ones(moved.inlier.shape[::2], dtype=bool)
+        oracle_mm = Score.of(oracle(moved), moved, scored).mean_mm
         result = triangulate(moved.rig, moved.detections, options_of())
         layer = result.layers["measured"]
-        simple = Score.of(measured(moved, options_of("simple")).points_m[:, 0], moved, judged).mean_mm
-        ours = Score.of(layer.points_m[:, 0], moved, judged).mean_mm
+        simple = Score.of(measured(moved, options_of("simple")).points_m[:, 0], moved, scored).mean_mm
+        ours = Score.of(layer.points_m[:, 0], moved, scored).mean_mm
         outlier = np.moveaxis(layer.view_status[:, 0] == ViewStatus.OUTLIER, -1, 1)
-        named = 100 * outlier[~moved.inlier].mean() if size else np.nan
+        rejected = 100 * outlier[~moved.inlier].mean() if size else np.nan
         print(
-            f"{size:10}{floor:10.2f}{ours / floor:11.3f}{named:9.1f}{simple / floor:9.2f}"
+            f"{size:10}{oracle_mm:10.2f}{ours / oracle_mm:11.3f}{rejected:11.1f}{simple / oracle_mm:9.2f}"
             f"{float(np.median(result.noise.scale_px)):10.2f}",
             flush=True,
         )
@@ -212,12 +212,12 @@ PEERS: tuple[tuple[str, str, tuple[str, ...], int], ...] = (
 )
 
 
-def beside_peers(frames: int) -> None:
-    """Five cameras, 5 % gross outliers: everyone on the same data."""
+def compare_programs(frames: int) -> None:
+    """Print results of all methods and programs on the same data: five cameras, 5 % gross outliers."""
     data = walk(frames, outlier_share=0.05)
-    judged = data.inlier.sum(axis=1) >= 3
+    scored = data.inlier.sum(axis=1) >= 3
     methods = ("consensus", "weighted_subsets", "percentile_filter", "ransac", "irls", "simple", "midpoint")
-    print(f"\n5 cameras, 5 %: everyone on the same data, up to {frames} frames, CPU ms a frame of 26 keypoints")
+    print(f"\n5 cameras, 5 %: all programs on the same data, up to {frames} frames, CPU ms per frame of 26 keypoints")
     print(
         f"{'':28}{'median mm':>10}{'p99 mm':>9}{'>5 cm %':>9}{'missing %':>11}{'CPU ms':>10}{'/ ours':>9}{'/ w.s.':>9}"
     )
@@ -229,43 +229,43 @@ def beside_peers(frames: int) -> None:
             flush=True,
         )
 
-    show("oracle", Score.of(oracle(data), data, judged), np.nan)
+    show("oracle", Score.of(oracle(data), data, scored), np.nan)
     for method in methods:
         options = options_of(method)
         layer = measured(data, options)
-        show(method, Score.of(layer.points_m[:, 0], data, judged), spent_ms(data, options))
+        show(method, Score.of(layer.points_m[:, 0], data, scored), spent_ms(data, options))
     with tempfile.TemporaryDirectory() as folder:
         write_inputs(data, Path(folder))
         for name, peer, arguments, most in PEERS:
             few = ("--frames", str(min(most, frames)))
-            ours, theirs, subsets = [], [], []
+            ours, peer_ms, subsets = [], [], []
             for _ in range(3 if most > 2 else 1):
                 before = [spent_ms(data, options_of(method), 1) for method in ("consensus", "weighted_subsets")]
-                theirs.append(run_peer(peer, Path(folder), *arguments, *few)["ms_per_frame"])
+                peer_ms.append(run_peer(peer, Path(folder), *arguments, *few)["ms_per_frame"])
                 after = [spent_ms(data, options_of(method), 1) for method in ("consensus", "weighted_subsets")]
-                ours.append(theirs[-1] / (0.5 * (before[0] + after[0])))
-                subsets.append(theirs[-1] / (0.5 * (before[1] + after[1])))
+                ours.append(peer_ms[-1] / (0.5 * (before[0] + after[0])))
+                subsets.append(peer_ms[-1] / (0.5 * (before[1] + after[1])))
             points = np.load(Path(folder) / f"{peer}.npy")
             ratios = statistics.median(ours), statistics.median(subsets)
-            show(name, Score.of(points, data, judged), statistics.median(theirs), *ratios)
+            show(name, Score.of(points, data, scored), statistics.median(peer_ms), *ratios)
 
 
 def spent_ms(data: Walk, options: Options, runs: int = 3) -> float:
-    """CPU ms a frame, the survey included."""
+    """Return CPU ms per frame, including noise estimation."""
     return 1000 * median_cpu_s(lambda: measured(data, options), runs) / len(data.pixels)
 
 
 def write_inputs(data: Walk, folder: Path) -> None:
-    """What the peers read."""
+    """Write the input of the other programs."""
     anipose.write(data.rig, folder / "calibration.toml")
     np.save(folder / "points.npy", np.moveaxis(data.pixels, 1, 0))
     np.save(folder / "confidence.npy", np.moveaxis(data.confidence, 1, 0))
 
 
 def rates(frames: int) -> None:
-    """Frames a second at 33 and at 553 keypoints, five cameras, 5 % outliers."""
-    print("\nFrames a second, 5 cameras, 5 %, the survey included")
-    few = walk(frames, rig=ring_of_table(5), outlier_share=0.05, outlier_px=(50.0, 400.0), skeleton="mediapipe_33")
+    """Print frames per second with 33 and with 553 keypoints, five cameras, 5 % outliers."""
+    print("\nFrames per second, 5 cameras, 5 %, including noise estimation")
+    few = walk(frames, rig=freemocap_ring(5), outlier_share=0.05, outlier_px=(50.0, 400.0), skeleton="mediapipe_33")
     print(f"  33 keypoints: {1000 / spent_ms(few, options_of()):.0f}", flush=True)
     many = walk(max(frames // 17, 200), rig=few.rig, outlier_share=0.05, outlier_px=(50.0, 400.0), skeleton=MANY)
     print(f"  553 keypoints: {1000 / spent_ms(many, options_of()):.0f}", flush=True)
@@ -277,20 +277,20 @@ PARTS: dict[str, Callable[[int], None]] = {
     "table": lambda frames: table(frames * 26 // 33 + 1),
     "sizes": lambda frames: sizes(min(frames, 1000)),
     "rates": lambda frames: rates(min(frames, 3000)),
-    "peers": beside_peers,
+    "peers": compare_programs,
 }
 
 
 def main() -> None:
-    """Measure and print."""
+    """Run the benchmark and print its tables."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--frames", type=int, default=FRAMES, help="of 26 keypoints")
-    parser.add_argument("--only", default=",".join(PARTS), help=f"some of {', '.join(PARTS)}")
-    given = parser.parse_args()
+    parser.add_argument("--frames", type=int, default=FRAMES, help="number of frames with 26 keypoints")
+    parser.add_argument("--only", default=",".join(PARTS), help=f"comma-separated parts: {', '.join(PARTS)}")
+    arguments = parser.parse_args()
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-    for part in given.only.split(","):
-        PARTS[part](given.frames)
+    for part in arguments.only.split(","):
+        PARTS[part](arguments.frames)
 
 
 if __name__ == "__main__":

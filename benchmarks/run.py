@@ -1,11 +1,21 @@
-"""All benchmarks: accuracy against the oracle and its gate, then speed beside the peers."""
+"""Run all benchmarks: accuracy against the oracle and its gate, then speed in comparison with other programs."""
 
 import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from benchmarks import accuracy, long, pairs, quick, rejection, sides, speed, swapped, trajectory
+from benchmarks import (
+    accuracy,
+    fast_motion,
+    left_right_correction,
+    long_trajectory,
+    pairs,
+    rejection,
+    side_assignment,
+    speed,
+    trajectory,
+)
 
 
 def main() -> int:
@@ -14,11 +24,11 @@ def main() -> int:
     speed.main()
     rejection.main()
     pairs.main()
-    sides.main()
-    swapped.main()
+    side_assignment.main()
+    left_right_correction.main()
     trajectory.main()
-    quick.main()
-    long.main()
+    fast_motion.main()
+    long_trajectory.main()
     return failed
 
 

@@ -1,11 +1,11 @@
-"""Do the numbers stay the same? Runs a base commit and this checkout on the same recordings and compares every file.
+"""Check that numbers do not change: run a base commit and this checkout on the same recordings, and compare all files.
 
 ``python -m benchmarks.same_numbers --base COMMIT [--cache FOLDER] [--only NAME ...]``, from the root of a checkout.
-Real recordings are those of ``../shared/data``; simulated ones are made once, by the base. Every case runs in processes
-of its own, one at a time, first with the base, then with this checkout. Numbers are compared bit by bit, in every file
-that is written but pictures and pages. Texts may change: they are counted as renamed labels. With ``--cache`` what the
-base wrote is kept, and the next run needs this checkout only. The exit code is 1 if anything differs that ``EXPECTED``
-does not allow.
+Real recordings are those of ``../shared/data``; the base simulates the others once. Every case runs in separate
+processes, one at a time, first with the base, then with this checkout. Numbers are compared bit by bit in all files
+except pictures and pages. Texts may change; they are counted as renamed labels. ``--cache`` keeps the base's files, so
+that the next run needs this checkout only. The exit code is 1 if there is a difference that ``EXPECTED`` does not
+allow.
 """
 
 import argparse
@@ -41,12 +41,12 @@ from posefuse.model.options.aliases import RENAMED as RENAMED_OPTIONS
 
 @dataclass(frozen=True)
 class Expected:
-    """A difference that is allowed.
+    """An allowed difference.
 
     Attributes:
         case, file, column: patterns, ``*`` for any.
         tolerance: the largest absolute difference, in the column's unit; infinity also allows what is missing or new.
-        reason: why.
+        reason: reason for the difference.
     """
 
     case: str
@@ -61,10 +61,10 @@ FLAGS: dict[str, str] = {
     "--triangulation.weighted-subsets.target-unit normalised": "normalized",
     "init": "init --all",
 }
-"""The base's name of a flag, a ``flag value``, a command or an option of the library, and the current one.
+"""Names of flags, ``flag value`` pairs, commands and options of the library in the base, and the current ones.
 
-For example ``{"--tracker.preset": "--tracker.strategy", "--tracker.preset specification": "scores"}``; of a
-``flag value`` the right side is the value alone.
+For example ``{"--tracker.preset": "--tracker.strategy", "--tracker.preset specification": "scores"}``; for a
+``flag value`` pair, the right side is the value alone.
 """
 RENAMED: tuple[Renamed, ...] = (
     *(
@@ -73,9 +73,10 @@ RENAMED: tuple[Renamed, ...] = (
     ),
     Renamed("*", r"@options(_toml)?:(.*)", r"@resolved_options:\2"),
     *(Renamed("*.toml", rf"{re.escape(old)}(\[\])?", rf"{new}\1") for old, new in RENAMED_OPTIONS.items()),
+    Renamed("*", r"@rig_metres_per_unit", r"@rig_meters_per_unit"),
     Renamed("*/batch.json", r"numbers\.(.*)", r"statistics.\1"),
 )
-"""Files, columns and variables that the current tree calls otherwise, the first rule that fits.
+"""Renamed files, columns and variables; the first matching rule applies.
 
 For example ``Renamed("*.nc", r"(.*)_view_error", r"\\1_view_residual")``.
 """
@@ -95,14 +96,14 @@ EXPECTED: tuple[Expected, ...] = (
     Expected("pose2sim_align", "opensim/*", "*", 1e-12, "one sample of points determines scale and world"),
     Expected("*", "*", "new @findings*", math.inf, "findings are stored in the result"),
 )
-"""Differences that are allowed."""
+"""Allowed differences."""
 MOST_LINES, MOST_COLUMNS = 30, 3
-"""Lines of a case that differs, and columns of each line."""
+"""Largest number of printed lines per case, and of columns per line."""
 
 
 @dataclass
 class Outcome:
-    """What came of a case: why it was not run, or the verdicts on its files."""
+    """Outcome of a case: the reason for skipping it, or the verdicts on its files."""
 
     case: Case
     skipped: str = ""
@@ -114,7 +115,7 @@ class Outcome:
 
 
 def allowed_by(case: str, file: str, difference: Difference) -> Expected | None:
-    """The first entry of ``EXPECTED`` that allows a difference."""
+    """Return the first entry of ``EXPECTED`` that allows a difference."""
     for each in EXPECTED:
         names = ((case, each.case), (file, each.file), (difference.column, each.column))
         if all(fnmatch(name, pattern) for name, pattern in names) and difference.absolute <= each.tolerance:
@@ -123,7 +124,7 @@ def allowed_by(case: str, file: str, difference: Difference) -> Expected | None:
 
 
 def current_name(file: str) -> str:
-    """What the current tree calls a file."""
+    """Return the name of a file in the current tree."""
     for rule in RENAMED:
         if not rule.base and fnmatch(file, rule.file):
             return str(Path(file).with_name(rule.current))
@@ -131,13 +132,13 @@ def current_name(file: str) -> str:
 
 
 def files_of(folder: Path) -> set[str]:
-    """Every file that is compared, by its path in the case."""
+    """Return the paths of all compared files in a case."""
     files = (path for path in folder.rglob("*") if path.is_file() and path.suffix not in NOT_COMPARED)
     return {path.relative_to(folder).as_posix() for path in files}
 
 
 def judge(outcome: Outcome, base: Path, current: Path, parse: bool) -> None:
-    """Compare all files of a case, and print a line for each that is not the same."""
+    """Compare all files of a case, and print one line for each difference."""
     name, ours, theirs = outcome.case.name, files_of(base), files_of(current)
     for number, (one, other) in enumerate(zip(outcome.base["steps"], outcome.current["steps"], strict=True)):
         if one["exit"] != other["exit"]:
@@ -168,27 +169,27 @@ def judge(outcome: Outcome, base: Path, current: Path, parse: bool) -> None:
 
 
 def _fail(outcome: Outcome, file: str, *found: Difference) -> None:
-    """Print a line for a file that differs, with its worst columns."""
+    """Print one line for a file that differs, with its worst columns."""
     if all(allowed_by(outcome.case.name, file, each) for each in found):
         outcome.allowed += len(found)
         return
     outcome.failures.append(file)
     if len(outcome.failures) > MOST_LINES:
         return
-    said = "; ".join(map(str, found[:MOST_COLUMNS]))
+    columns = "; ".join(map(str, found[:MOST_COLUMNS]))
     more = f"; and {len(found) - MOST_COLUMNS} more columns" if len(found) > MOST_COLUMNS else ""
-    print(f"differs  {outcome.case.name}: {file}: {said}{more}", flush=True)
+    print(f"differs  {outcome.case.name}: {file}: {columns}{more}", flush=True)
 
 
 def absent(case: Case) -> str:
-    """Why a case cannot be run."""
+    """Return the reason why a case cannot be run, or an empty string."""
     if case.needs and not (DATA / case.needs).is_dir():
         return f"no ../shared/data/{case.needs}"
     return ""
 
 
 def needed_inputs(cases: Sequence[Case]) -> list[Case]:
-    """The inputs that cases read, and those that these read."""
+    """Return the inputs of cases, and the inputs of these."""
     words = " ".join(word for case in cases for step in case.steps for word in step.words)
     names = set(re.findall(r"\{inputs\}/(\w+)", words))
     names |= {"people"} if "frames" in names else set()
@@ -196,7 +197,7 @@ def needed_inputs(cases: Sequence[Case]) -> list[Case]:
 
 
 def make_base(cases: Sequence[Case], commit: str, cache: Path, given: Path | None) -> None:
-    """Run the base where the cache lacks an input or a case."""
+    """Run the base for inputs and cases that the cache lacks."""
     inputs, outputs = cache / "inputs", cache / "outputs"
     todo = [(each, inputs) for each in needed_inputs(cases) if kept(each, inputs / each.name) is None]
     todo += [(case, outputs) for case in cases if kept(case, outputs / case.name) is None]
@@ -221,7 +222,7 @@ def _exits(record: dict) -> str:
 
 
 def run_current(cases: Sequence[Case], cache: Path, room: Path, parse: bool) -> list[Outcome]:
-    """Run this checkout case by case, and compare."""
+    """Run this checkout case by case, and compare the files."""
     tree = Tree(ROOT, cache / "kernels", FLAGS)
     check_import(tree)
     outcomes = []
@@ -235,8 +236,8 @@ def run_current(cases: Sequence[Case], cache: Path, room: Path, parse: bool) -> 
 
 
 def report(outcomes: Sequence[Outcome], commit: str) -> int:
-    """The table at the end; 1 if anything differs that is not allowed."""
-    print(f"\nBase {commit[:12]}. CPU seconds include compiling kernels where none were kept.")
+    """Print the final table; return 1 if there is a difference that is not allowed."""
+    print(f"\nBase {commit[:12]}. CPU seconds include compiling kernels that were not cached.")
     print("| case | files | numbers read | differ | allowed | renamed labels | base exit | base s | current s |")
     print("|---|---|---|---|---|---|---|---|---|")
     for each in outcomes:
@@ -259,7 +260,7 @@ def report(outcomes: Sequence[Outcome], commit: str) -> int:
 
 
 def print_labels(outcomes: Sequence[Outcome], most: int = 5) -> None:
-    """The commonest texts that changed, by file."""
+    """Print the most frequent changes of texts by file."""
     for each in outcomes:
         for verdict in each.verdicts:
             for (old, new), count in verdict.labels.most_common(most):
@@ -267,15 +268,15 @@ def print_labels(outcomes: Sequence[Outcome], most: int = 5) -> None:
 
 
 def main() -> int:
-    """Run, compare, report."""
+    """Run both trees, compare the files, and print a report."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--base", required=True, help="commit to compare with")
-    parser.add_argument("--base-tree", type=Path, help="a clean checkout of it; by default a temporary one")
-    parser.add_argument("--cache", type=Path, help="folder that keeps what the base wrote")
-    parser.add_argument("--keep", type=Path, help="folder that keeps what this checkout writes")
-    parser.add_argument("--only", nargs="+", default=["*"], help="patterns of cases")
-    parser.add_argument("--base-only", action="store_true", help="fill the cache, and compare nothing")
-    parser.add_argument("--parse", action="store_true", help="read files even if their bytes are the same")
+    parser.add_argument("--base-tree", type=Path, help="a clean checkout of the base commit; temporary by default")
+    parser.add_argument("--cache", type=Path, help="folder that keeps the files of the base")
+    parser.add_argument("--keep", type=Path, help="folder that keeps the files of this checkout")
+    parser.add_argument("--only", nargs="+", default=["*"], help="patterns of case names")
+    parser.add_argument("--base-only", action="store_true", help="fill the cache without comparing")
+    parser.add_argument("--parse", action="store_true", help="read files even if their bytes are equal")
     parser.add_argument("--labels", action="store_true", help="print the texts that changed")
     given = parser.parse_args()
     commit = commit_of(ROOT, given.base)

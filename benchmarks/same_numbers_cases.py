@@ -1,4 +1,4 @@
-"""The cases of :mod:`benchmarks.same_numbers`: what both trees run, written as it is typed."""
+"""The cases of :mod:`benchmarks.same_numbers`: command lines and calls that both trees run."""
 
 from benchmarks.same_numbers_steps import FAULTS, SIMULATIONS, Case, library, printed, run
 
@@ -391,4 +391,4 @@ UNREAD = {
     "caliscope_charuco": "videos of a board only: nothing that posefuse reads as 2D keypoints",
     "pose2sim_videos": "videos only, which overlay draws on: pictures are not compared",
 }
-"""Folders of recordings that no case reads, and why."""
+"""Folders of recordings that no case reads, with the reason."""

@@ -1,4 +1,4 @@
-"""Compares two files number by number, for :mod:`benchmarks.same_numbers`."""
+"""Compare two files number by number, for :mod:`benchmarks.same_numbers`."""
 
 import re
 from collections import Counter
@@ -12,19 +12,19 @@ import numpy as np
 from benchmarks.same_numbers_files import Content, read
 
 _DIAGONAL = (0, 3, 5)
-"""Of the entries xx, xy, xz, yy, yz, zz of a covariance."""
+"""Diagonal entries of a covariance stored as xx, xy, xz, yy, yz, zz."""
 _TIMES = re.compile(r"(^|[._])(cpu|wall|elapsed|took|seconds|ms_per_frame)(_s|_ms)?$")
-"""Names of numbers that differ from run to run."""
+"""Names of numbers that differ between runs."""
 
 
 @dataclass(frozen=True)
 class Renamed:
-    """A file, column or variable that the current tree calls by another name.
+    """A file, column or variable with another name in the current tree.
 
     Attributes:
-        file: pattern of the file's path in its case, as the base has it.
+        file: pattern of the file's path in the base's case.
         base: regular expression of the whole name; empty if the file itself is renamed.
-        current: what it becomes, with groups of the expression; of a file, what its name becomes.
+        current: the current name, with groups of the expression; for a file, its current name.
     """
 
     file: str
@@ -34,14 +34,14 @@ class Renamed:
 
 @dataclass(frozen=True)
 class Difference:
-    """A variable or column that is not the same.
+    """A variable or column that differs.
 
     Attributes:
-        column: its name at the base; of one that only the current tree has, ``new`` and its name.
-        what: in words.
-        absolute, relative: the largest; infinity where they cannot be compared.
-        share: the absolute difference as a share of the standard deviation, the largest; NaN without one.
-        count, size: how many values differ, of how many.
+        column: its name in the base; for one that only the current tree has, ``new`` and its name.
+        what: description.
+        absolute, relative: the largest differences; infinite if they cannot be compared.
+        share: the largest ratio of the difference to the standard deviation; NaN without one.
+        count, size: number of values that differ, and of all values.
     """
 
     column: str
@@ -54,7 +54,7 @@ class Difference:
 
     @property
     def rank(self) -> tuple[float, float]:
-        """What cannot be compared is worst, then what differs by the largest share of its standard deviation."""
+        """Sort key: first what cannot be compared, then the largest ratio to the standard deviation."""
         lacking = np.isinf(self.absolute)
         return (np.inf if lacking else np.nan_to_num(self.share, nan=0.0), self.absolute)
 
@@ -70,14 +70,14 @@ class Difference:
 
 @dataclass
 class Verdict:
-    """What came of a file.
+    """Result of comparing a file.
 
     Attributes:
         file: its path in the case.
-        numbers: how many values are the same or differ; 0 where the bytes are the same and nothing was read.
-        differences: of numbers.
+        numbers: number of compared values; 0 if the bytes are equal and the file was not read.
+        differences: differences of numbers.
         labels: pairs of texts that differ, with counts.
-        identical: whether the bytes are the same.
+        identical: whether the bytes are equal.
     """
 
     file: str
@@ -88,14 +88,14 @@ class Verdict:
 
 
 def compare(base: Path, current: Path, file: str, renamed: Sequence[Renamed], parse: bool = False) -> Verdict:
-    """Two files.
+    """Compare two files.
 
     Args:
-        base: where the base's lies.
-        current: where the current tree's lies.
-        file: the path of the base's in its case.
-        renamed: what is called otherwise.
-        parse: read them even if their bytes are the same.
+        base: path of the base's file.
+        current: path of the current tree's file.
+        file: path of the base's file in its case.
+        renamed: rules for names.
+        parse: read the files even if their bytes are equal.
     """
     verdict = Verdict(file, identical=base.read_bytes() == current.read_bytes())
     if verdict.identical and not parse:
@@ -132,7 +132,7 @@ def _compare_numbers(ours: Content, theirs: Content, names: dict[str, str], verd
 
 
 def difference(name: str, ours: np.ndarray, theirs: np.ndarray, sd: np.ndarray | None = None) -> Difference | None:
-    """How two arrays differ; None if dtype, shape and every bit are the same. All NaN are one."""
+    """Return the difference of two arrays; None if dtype, shape and all bits are equal. All NaN are equal."""
     if ours.shape != theirs.shape:
         if ours.ndim == theirs.ndim == 1:
             return _multiset(name, ours, theirs)
@@ -169,7 +169,7 @@ def _multiset(name: str, ours: np.ndarray, theirs: np.ndarray) -> Difference:
 
 
 def standard_deviation(name: str, numbers: dict[str, np.ndarray]) -> np.ndarray | None:
-    """What the file says beside a variable of how well it is known; None if nothing."""
+    """Return the standard deviation of a variable that the file stores; None without one."""
     for old, new in (("position", "covariance"), ("keypoints_m", "covariance_m2"), ("points_m", "covariance_m2")):
         beside = numbers.get(name.replace(old, new)) if old in name else None
         if beside is not None and beside.shape[-1:] == (6,):
@@ -184,7 +184,7 @@ def standard_deviation(name: str, numbers: dict[str, np.ndarray]) -> np.ndarray 
 
 
 def _compare_labels(ours: Content, theirs: Content, names: dict[str, str], verdict: Verdict) -> None:
-    """Texts may change; every pair that did is counted."""
+    """Count every changed text; texts may change."""
     for name, texts in ours.labels.items():
         others = theirs.labels.get(names[name])
         if others is None:

@@ -1,7 +1,7 @@
-"""Reads what posefuse writes as named numbers and named labels, for :mod:`benchmarks.same_numbers`.
+"""Read files of posefuse as named numbers and named labels, for :mod:`benchmarks.same_numbers`.
 
-A number's name is the variable, the column, or the path of its key. Everything else is a label: text, and attributes
-that hold text. Documents inside attributes (options, skeleton, provenance) are read as documents.
+The name of a number is its variable, its column, or the path of its key. Texts, including those in attributes, are
+labels. Documents in attributes (options, skeleton, provenance) are read as documents.
 """
 
 import csv
@@ -33,12 +33,12 @@ _COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 
 
 @dataclass
 class Content:
-    """What a file holds.
+    """Content of a file.
 
     Attributes:
-        numbers: by name.
-        labels: by name: texts, in order.
-        inner: numbers of documents inside attributes, by attribute and key; their keys may be renamed.
+        numbers: numbers by name.
+        labels: lists of texts by name.
+        inner: numbers of documents in attributes, by attribute and key; their keys may be renamed.
     """
 
     numbers: dict[str, np.ndarray] = field(default_factory=dict)
@@ -47,12 +47,12 @@ class Content:
 
 
 def read(path: Path) -> Content:
-    """A file, by how its name ends; unknown files are read as text with numbers in it."""
+    """Read a file by its suffix; unknown files are read as text that contains numbers."""
     return READERS.get(path.suffix.lower(), _text)(path)
 
 
 def _document(data: Any) -> Content:
-    """Leaves of a JSON or TOML document; list positions are not part of the name."""
+    """Return the leaves of a JSON or TOML document; list positions are not part of the name."""
     numbers, labels = defaultdict(list), defaultdict(list)
 
     def visit(value: Any, name: str) -> None:
@@ -74,7 +74,7 @@ def _document(data: Any) -> Content:
 
 
 def _parsed(text: str) -> Any:
-    """A document in a text, or None."""
+    """Parse a JSON or TOML document in a text; None if it is neither."""
     try:
         if text[:1] in ("{", "["):
             return json.loads(text)
@@ -102,7 +102,7 @@ def _toml(path: Path) -> Content:
 
 
 def numbers_of_text(text: str) -> Content:
-    """Numbers in a text, in order, and its words."""
+    """Return the numbers in a text, in order, and its words."""
     found = np.array([float(each) for each in _NUMBER.findall(text)])
     return Content({"numbers": found}, {"words": _NUMBER.sub("#", text).split()})
 
@@ -112,7 +112,7 @@ def _text(path: Path) -> Content:
 
 
 def _printed(path: Path) -> Content:
-    """What a command printed: sentences may be put otherwise, so numbers count in any order."""
+    """Read the output of a command; numbers are sorted, because sentences may change."""
     content = _text(path)
     content.numbers["numbers"].sort()
     return content
@@ -138,7 +138,7 @@ def _csv(path: Path) -> Content:
 
 
 def _trc(path: Path) -> Content:
-    """Markers in one array; the header by itself."""
+    """Read markers as one array, and the header separately."""
     lines = [line.split("\t") for line in path.read_text("utf-8").splitlines()]
     head, body = lines[:5], [line for line in lines[5:] if any(line)]
     width = max(map(len, body), default=0)
@@ -177,7 +177,7 @@ def _bvh(path: Path) -> Content:
 
 
 def _glb(path: Path) -> Content:
-    """The scene's numbers, and every accessor decoded."""
+    """Read the numbers of the scene, and decode every accessor."""
     data, chunks, place = path.read_bytes(), {}, 12
     while place < len(data):
         length, kind = struct.unpack_from("<II", data, place)
@@ -190,14 +190,14 @@ def _glb(path: Path) -> Content:
         start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
         width, kind = _COMPONENTS[accessor["type"]], np.dtype(_ACCESSOR_TYPES[accessor["componentType"]])
         if "byteStride" in view:
-            raise ValueError(f"{path.name}: interleaved buffers are not read here.")
+            raise ValueError(f"{path.name}: interleaved buffers are not supported.")
         values = np.frombuffer(binary, kind, accessor["count"] * width, start)
         content.numbers[f"accessor {number}"] = values.reshape(-1, width)
     return content
 
 
 def _array(content: Content, name: str, values: np.ndarray) -> None:
-    """Sort an array in: numbers, records of numbers, or labels."""
+    """Add an array to numbers or labels; records are split."""
     if values.dtype.names:
         for part in values.dtype.names:
             _array(content, f"{name}.{part}", values[part])
@@ -223,7 +223,7 @@ def _attributes(content: Content, where: str, attributes: Any) -> None:
 
 
 def _hdf5(path: Path) -> Content:
-    """netCDF-4 and every other file that is HDF5."""
+    """Read netCDF-4 and any other HDF5 file."""
     content = Content()
 
     def visit(name: str, item: Any) -> None:

@@ -1,4 +1,4 @@
-"""Makes the inputs of :mod:`benchmarks.same_numbers` that no command makes; run with the code of the base only.
+"""Make the inputs of :mod:`benchmarks.same_numbers` that no command makes; run with the code of the base only.
 
 ``python -P same_numbers_inputs.py NAME DATA OUTPUT``, with the base's ``src`` and its root on the path. Both trees read
 what is written here, so this file may use the base's own modules. It must not be run with any other tree.
@@ -38,7 +38,7 @@ FAULTS: dict[str, tuple[tuple[Fault, tuple[int, ...]], ...]] = {
     "copied": (("copied pose", (0, 1)),),
     "another_rig": (("another rig", ()),),
 }
-"""Recordings with something wrong, for the health check and the measurement of clocks."""
+"""Recordings with faults, for the recording check and the measurement of clocks."""
 
 
 EDITS = """
@@ -63,12 +63,12 @@ from_frame = 80
 
 
 def edits(data: Path, output: Path) -> None:
-    """Edits of the result of two people."""
+    """Write edits of the result of two people."""
     (output / "edits.toml").write_text(EDITS)
 
 
 def mice(data: Path, output: Path) -> None:
-    """Two mice in an arena, with a whole skeleton, with edges only, and with a list of names only."""
+    """Simulate two mice in an arena, with a complete skeleton, with edges only, and with names only."""
     scene = simulate_animals(AnimalOptions("arena", 2, 5, 15.0, 30.0, seed=3, faults=CrowdFaults(miss_share=0.03)))
     for name in ("whole", "edges", "list"):
         (output / name).mkdir()
@@ -80,19 +80,19 @@ def mice(data: Path, output: Path) -> None:
 
 
 def panoptic_one(data: Path, output: Path) -> None:
-    """Recorded motion of one person, through the simulated detector of crowds."""
+    """Apply the simulated detector of crowds to the recorded motion of one person."""
     motion = panoptic.one_person(data)
     write_scene(crowd_of_points(motion.points_m[:PANOPTIC_FRAMES], motion.rig, motion.skeleton, motion.rate_hz), output)
 
 
 def panoptic_three(data: Path, output: Path) -> None:
-    """Recorded motion of three people, likewise."""
+    """Apply the simulated detector of crowds to the recorded motion of three people."""
     motion = panoptic.three_people(data)
     write_scene(crowd_of_points(motion.points_m, motion.rig, motion.skeleton, motion.rate_hz), output)
 
 
 def outdoor(data: Path, output: Path) -> None:
-    """Points that four cameras or more see, drawn from all; and the calibration they came with."""
+    """Write a sample of the points that four or more cameras see, and their calibration."""
     folder = data / "mouse_outdoor_12cam"
     pixels = np.load(folder / "points_right_4_10_2026_sub.npz")["p2d"]
     several = np.flatnonzero(np.isfinite(pixels).all(axis=-1).sum(axis=0) >= 4)
@@ -105,7 +105,7 @@ def outdoor(data: Path, output: Path) -> None:
 
 
 def wand(data: Path, output: Path) -> None:
-    """A point anywhere in the room, before cameras whose calibration has wrong focal lengths."""
+    """Simulate a point at random places, with cameras whose calibration has wrong focal lengths."""
     rng, rig = np.random.default_rng(7), healthy(1, cameras=5).rig
     points_m = rng.uniform((-2.5, -2.5, 0.0), (2.5, 2.5, 2.4), (800, 3))
     pixels = np.moveaxis(rig.project(points_m), 0, 1) + rng.normal(0.0, 0.5, (800, 5, 2))
@@ -119,7 +119,7 @@ def wand(data: Path, output: Path) -> None:
 
 
 def frames(data: Path, output: Path) -> None:
-    """A crowd as plain arrays, a row a person in a view, for a tracker that is fed frame by frame."""
+    """Write a crowd as arrays with one row per person and view, for a tracker that runs frame by frame."""
     folder = output.parent / "people"
     shutil.copy(folder / "calibration.toml", output / "calibration.toml")
     found = posefuse.read_detections(folder / "keypoints.nc")
@@ -135,7 +135,7 @@ def frames(data: Path, output: Path) -> None:
 
 
 def faults(data: Path, output: Path) -> None:
-    """A walk that several cameras see, with faults planted in some of them."""
+    """Simulate a walk with faults in some of the cameras."""
     for seed, (name, planted) in enumerate(FAULTS.items()):
         scene = healthy(seed, cameras=5, duration_s=12.0, rate_hz=30.0)
         for fault, views in planted:
@@ -150,7 +150,7 @@ MAKERS = {made.__name__: made for made in (edits, mice, panoptic_one, panoptic_t
 
 
 def main() -> None:
-    """Make one of them."""
+    """Make one input."""
     name, data, output = sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3])
     output.mkdir(parents=True)
     MAKERS[name](data, output)

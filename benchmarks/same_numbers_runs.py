@@ -1,4 +1,4 @@
-"""Runs the cases of :mod:`benchmarks.same_numbers` with one tree or the other."""
+"""Run the cases of :mod:`benchmarks.same_numbers` with one tree or the other."""
 
 import hashlib
 import json
@@ -28,9 +28,9 @@ class Tree:
     """A checkout.
 
     Attributes:
-        root: where it lies.
-        kernels: where its compiled kernels are kept.
-        flags: what it calls flags that the base calls otherwise.
+        root: folder of the checkout.
+        kernels: folder of its compiled kernels.
+        flags: current names of flags by their names in the base.
     """
 
     root: Path
@@ -38,7 +38,7 @@ class Tree:
     flags: Mapping[str, str] = field(default_factory=dict)
 
     def environment(self, kind: str) -> dict[str, str]:
-        """One thread, this tree's code, and kernels compiled from it and nothing else."""
+        """Return the environment of a process: one thread, this tree's code, and kernels compiled from it only."""
         path = [self.root / "src"] + ([self.root] if kind == "inputs" else [])
         single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
         own = {
@@ -49,7 +49,7 @@ class Tree:
 
 
 def kernels_version(root: Path) -> str:
-    """Of every module in folders of compiled functions: Numba looks only at the file of the function it loads."""
+    """Return a digest of all modules in folders with compiled functions; Numba checks only the file of a function."""
     modules = [path for path in sorted((root / "src").rglob("*.py"))]
     folders = {path.parent for path in modules if re.search(rb"\bnumba\b|\bjit\b", path.read_bytes())}
     digest = hashlib.sha256()
@@ -60,12 +60,12 @@ def kernels_version(root: Path) -> str:
 
 
 def commit_of(root: Path, name: str) -> str:
-    """The whole hash of a commit."""
+    """Return the full hash of a commit."""
     return _git(root, "rev-parse", "--verify", f"{name}^{{commit}}").strip()
 
 
 def is_clean(root: Path, commit: str) -> bool:
-    """Whether a tree is a commit and nothing else."""
+    """Return whether a checkout is at a commit without changes."""
     return commit_of(root, "HEAD") == commit and not _git(root, "status", "--porcelain").strip()
 
 
@@ -75,7 +75,7 @@ def _git(root: Path, *words: str) -> str:
 
 @contextmanager
 def checkout(commit: str) -> Iterator[Path]:
-    """A temporary checkout of a commit; its kernels are compiled when they are first used."""
+    """Create a temporary checkout of a commit; its kernels are compiled on first use."""
     with tempfile.TemporaryDirectory(prefix="posefuse-base-") as room:
         folder = Path(room) / "tree"
         _git(ROOT, "worktree", "add", "--detach", str(folder), commit)
@@ -86,17 +86,17 @@ def checkout(commit: str) -> Iterator[Path]:
 
 
 def check_import(tree: Tree) -> None:
-    """Make sure that the tree's code is run, and not that of an installation."""
+    """Exit unless the code of the tree is imported rather than that of an installation."""
     done = subprocess.run(
         [sys.executable, "-P", "-c", "import posefuse; print(posefuse.__file__)"],
         env=tree.environment("command"), cwd=tempfile.gettempdir(), capture_output=True, text=True, check=True,
     )  # fmt: skip
     if not Path(done.stdout.strip()).is_relative_to(tree.root):
-        sys.exit(f"The code that is run lies in {done.stdout.strip()}, not in {tree.root}.")
+        sys.exit(f"The imported code is in {done.stdout.strip()}, not in {tree.root}.")
 
 
 def translated(words: list[str], flags: Mapping[str, str]) -> list[str]:
-    """Words as the current tree calls them: ``flag``, ``flag value`` and ``name=value`` are looked up."""
+    """Translate words to their names in the current tree: ``flag``, ``flag value`` and ``name=value``."""
     found: list[str] = []
     for before, word in zip(["", *words], words, strict=False):
         flag, equals, value = word.partition("=")
@@ -127,16 +127,16 @@ def _filled(word: str, places: Mapping[str, str]) -> str:
 
 
 def run_step(number: int, step: Step, tree: Tree, places: Mapping[str, str], logs: Path, timeout_s: float) -> dict:
-    """One process. Its output is kept beside what it writes."""
+    """Run one process, and store its output with its files."""
     folder = Path(places["out"])
     target = folder / step.writes if step.writes else logs / LOG.format(number)
     began, spent = time.monotonic(), resource.getrusage(resource.RUSAGE_CHILDREN)
     source = (folder / step.reads).open("rb") if step.reads else None
-    with target.open("wb") as said, (logs / ERRORS.format(number)).open("wb") as complaints:
+    with target.open("wb") as printed, (logs / ERRORS.format(number)).open("wb") as errors:
         try:
             code: int | str = subprocess.run(
                 _command(step, tree, places), env=tree.environment(step.kind), cwd=logs, timeout=timeout_s,
-                stdin=source or subprocess.DEVNULL, stdout=said, stderr=complaints,
+                stdin=source or subprocess.DEVNULL, stdout=printed, stderr=errors,
             ).returncode  # fmt: skip
         except subprocess.TimeoutExpired:
             code = f"stopped after {timeout_s:g} s"
@@ -153,13 +153,13 @@ def run_step(number: int, step: Step, tree: Tree, places: Mapping[str, str], log
 
 
 def run_case(case: Case, tree: Tree, inputs: Path, folder: Path) -> dict:
-    """All steps of a case, into a fresh folder; what came of them.
+    """Run all steps of a case in a new folder, and return their outcome.
 
     Args:
         case: the case.
-        tree: whose code runs.
-        inputs: what the base made.
-        folder: for the outputs; ``folder.json`` beside it says how it went, ``folder.logs`` holds what was printed.
+        tree: the checkout to run.
+        inputs: folder of the inputs from the base.
+        folder: folder for the outputs; ``folder.json`` stores the outcome, ``folder.logs`` the printed texts.
     """
     record, logs = folder.with_name(f"{folder.name}.json"), folder.with_name(f"{folder.name}.logs")
     record.unlink(missing_ok=True)
@@ -175,14 +175,14 @@ def run_case(case: Case, tree: Tree, inputs: Path, folder: Path) -> dict:
 
 
 def last_words(folder: Path, number: int) -> str:
-    """The last sentence that a step complained with."""
-    complaints = folder.with_name(f"{folder.name}.logs") / ERRORS.format(number)
-    lines = complaints.read_text("utf-8", errors="replace").splitlines()
-    return next((line.strip("│ ") for line in reversed(lines) if any(map(str.isalpha, line))), "it said nothing")
+    """Return the last line of a step's error output."""
+    errors = folder.with_name(f"{folder.name}.logs") / ERRORS.format(number)
+    lines = errors.read_text("utf-8", errors="replace").splitlines()
+    return next((line.strip("│ ") for line in reversed(lines) if any(map(str.isalpha, line))), "no error output")
 
 
 def kept(case: Case, folder: Path) -> dict | None:
-    """What came of a case that was run before, if its steps are still the same."""
+    """Return the stored outcome of a case if its steps are unchanged."""
     record = folder.with_name(f"{folder.name}.json")
     if not record.exists():
         return None

@@ -1,7 +1,7 @@
 """The steps of :mod:`benchmarks.same_numbers`, and the inputs that the base makes once.
 
-A step is written as it is typed. ``{data}`` is ``../shared/data``, ``{inputs}`` holds what the base made, ``{out}`` is
-a fresh folder of the case. Flags are the base's; the script translates them for the current tree.
+A step is written like a command line. ``{data}`` is ``../shared/data``, ``{inputs}`` holds the inputs from the base,
+``{out}`` is a new folder for the case. Flags are those of the base; the script translates them for the current tree.
 """
 
 import shlex
@@ -16,10 +16,10 @@ class Step:
     """One process.
 
     Attributes:
-        words: what is run, before placeholders are filled in.
-        kind: a posefuse command, a call of the library, or a maker of inputs.
-        printed: whether the numbers that it prints are compared.
-        reads, writes: files for its standard input and output.
+        words: the command line, with placeholders.
+        kind: a posefuse command, a call of the library, or a function that makes inputs.
+        printed: whether printed numbers are compared.
+        reads, writes: files for standard input and output.
     """
 
     words: tuple[str, ...]
@@ -34,11 +34,11 @@ class Case:
     """Steps that share a folder.
 
     Attributes:
-        name: of the case or of the input.
-        steps: one after the other.
-        needs: folder of ``../shared/data``; empty if none.
-        timeout_s: of each step.
-        note: what a reader of the results should know.
+        name: name of the case or input.
+        steps: steps, run in order.
+        needs: required folder of ``../shared/data``; empty if none.
+        timeout_s: time limit of each step.
+        note: comment for the report.
     """
 
     name: str
@@ -49,27 +49,27 @@ class Case:
 
 
 def run(line: str, printed: bool = False, reads: str = "", writes: str = "") -> Step:
-    """A command of posefuse."""
+    """Return a step that runs a posefuse command."""
     return Step(tuple(shlex.split(line)), "command", printed, reads, writes)
 
 
 def printed(line: str) -> Step:
-    """A command of posefuse whose printed numbers are compared."""
+    """Return a step that runs a posefuse command and compares printed numbers."""
     return run(line, printed=True)
 
 
 def library(line: str) -> Step:
-    """A call of the library."""
+    """Return a step that calls the library."""
     return Step(tuple(shlex.split(line)), "library")
 
 
 def made(name: str, needs: str = "") -> Case:
-    """An input that no command makes."""
+    """Return an input that a function makes."""
     return Case(name, (Step((name, "{data}", "{out}"), "inputs"),), needs)
 
 
 def simulated(name: str, command: str) -> Case:
-    """An input that a command makes."""
+    """Return an input that a posefuse command simulates."""
     return Case(name, (run(f"{command} --output {{out}}"),))
 
 
@@ -92,9 +92,9 @@ INPUTS = (
     made("panoptic_three", "panoptic_three_people"),
     made("outdoor", "mouse_outdoor_12cam"),
 )
-"""In this order: ``frames`` reads ``people``."""
+"""Inputs in order; ``frames`` reads ``people``."""
 FAULTS = (
     "healthy", "turned_late", "moved_dropped", "bumped_drift", "focal_confidence", "lens_sides", "rotated_repeated",
     "resized", "order", "copied", "another_rig",
 )  # fmt: skip
-"""Recordings with something wrong, as ``same_numbers_inputs.py`` makes them."""
+"""Recordings with faults, made by ``same_numbers_inputs.py``."""

@@ -1,6 +1,6 @@
-"""Speed: our kernels alone, our start-up, and our triangulation beside aniposelib's in the same run, one core.
+"""Measure the speed of kernels, of start-up, and of triangulation in comparison with aniposelib, on one core.
 
-``python -m benchmarks.speed``. Figures are CPU times, medians of several runs.
+``python -m benchmarks.speed``. Times are CPU times, medians of several runs.
 """
 
 import json
@@ -25,12 +25,12 @@ from posefuse.synthetic.options import LensKind
 
 PEERS = Path(__file__).parent / "peers"
 RUNS = 7
-# The machine's speed changes by the minute: the peer is run between two runs of ours, several times.
+# The machine's speed changes by the minute, so each run of the other program is between two runs of posefuse.
 ROUNDS = 3
 
 
 def median_cpu_s(work, runs: int = RUNS) -> float:
-    """Median CPU seconds of a call, after one that warms it up."""
+    """Return the median CPU time of a call in s, after a warm-up call."""
     work()
     times = []
     for _ in range(runs):
@@ -41,14 +41,15 @@ def median_cpu_s(work, runs: int = RUNS) -> float:
 
 
 def kernel_rate(lens: LensKind, frames: int = 8000) -> float:
-    """Points a second of the kernel: undistortion, start, refinement, covariance, errors and statuses of 5 views."""
+    """Return the points per second of the kernel of ``simple`` with 5 views, including all its outputs."""
+    from posefuse.kernels.records import NoiseParameters, Observations, TriangulatedPoints
     from posefuse.kernels.triangulation.all_views import triangulate_views
 
     data = walk(frames, lens=lens)
     keypoints = np.ascontiguousarray(data.pixels.reshape(-1, 26, 2))
     confidence = np.ascontiguousarray(data.confidence.reshape(-1, 26))
     rows = np.arange(frames * 5).reshape(frames, 5)
-    out = (
+    out = TriangulatedPoints(
         np.empty((frames, 26, 3)),
         np.empty((frames, 26, 6)),
         np.empty((frames, 26), np.int8),
@@ -56,15 +57,13 @@ def kernel_rate(lens: LensKind, frames: int = 8000) -> float:
         np.empty((frames, 26, 5), np.float32),
         np.empty((frames, 26)),
     )
-    scale = np.full(5, 2.0)
-    spent = median_cpu_s(
-        lambda: triangulate_views(*data.rig.packed, keypoints, confidence, rows, scale, 0.0, 0.0, 3, *out)
-    )
+    observations, noise = Observations(keypoints, confidence, rows), NoiseParameters(np.full(5, 2.0), 0.0, 0.0)
+    spent = median_cpu_s(lambda: triangulate_views(data.rig.packed, observations, noise, 3, out))
     return frames * 26 / spent
 
 
-def beside_aniposelib(frames: int = 8000) -> dict[str, float]:
-    """CPU ms a frame of aniposelib's triangulate, our `simple`, and our default with noise estimated; and the ratio."""
+def compare_with_aniposelib(frames: int = 8000) -> dict[str, float]:
+    """Return CPU ms per frame of aniposelib's ``triangulate``, of ``simple``, and of the default; and their ratio."""
     data = walk(frames)
     detections = data.detections
     simple = Options(noise_scale_px=2.0, triangulation=TriangulationOptions(method="simple"))
@@ -86,7 +85,7 @@ def beside_aniposelib(frames: int = 8000) -> dict[str, float]:
 
 
 def run_peer(name: str, data: Path, *arguments: str) -> dict[str, float]:
-    """Run a peer in its own locked environment, on one core, with its own arguments (``--mode``, ``--frames``)."""
+    """Run another program in its locked environment on one core, with arguments such as ``--mode`` and ``--frames``."""
     uv = shutil.which("uv") or str(Path(sys.executable).with_name("uv"))
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "JAX_PLATFORMS": "cpu"}
     environment.pop("VIRTUAL_ENV", None)
@@ -104,7 +103,7 @@ def run_peer(name: str, data: Path, *arguments: str) -> dict[str, float]:
 
 
 def first_call_s(recording: Path, cache: Path) -> float:
-    """Wall seconds of a new process from start to its first result from files, with a Numba cache folder."""
+    """Return the wall time in s from the start of a new process to its first result, with a Numba cache folder."""
     program = (
         "import posefuse\n"
         f"rig = posefuse.read_cameras({str(recording / 'calibration.toml')!r})\n"
@@ -122,15 +121,15 @@ def first_call_s(recording: Path, cache: Path) -> float:
 
 
 def main() -> None:
-    """Measure and print."""
+    """Run the benchmark and print its results."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     for lens in ("pinhole", "barrel", "fisheye"):
         print(f"kernel, 5 views, {lens}: {kernel_rate(lens) / 1e6:.2f} million points/s")
-    figures = beside_aniposelib()
+    figures = compare_with_aniposelib()
     for name in ("aniposelib_ms", "simple_ms", "default_ms"):
-        print(f"{name}: {figures[name]:.4f} CPU ms a frame of 26 keypoints, 5 cameras")
-    print(f"aniposelib / simple: {figures['ratio']:.1f} (median of {ROUNDS} rounds, ours before and after theirs)")
+        print(f"{name}: {figures[name]:.4f} CPU ms per frame of 26 keypoints, 5 cameras")
+    print(f"aniposelib / simple: {figures['ratio']:.1f} (median of {ROUNDS} rounds)")
     with tempfile.TemporaryDirectory() as cache, tempfile.TemporaryDirectory() as folder:
         data = walk(100)
         anipose.write(data.rig, Path(folder) / "calibration.toml")

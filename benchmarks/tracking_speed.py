@@ -1,9 +1,9 @@
 """Benchmark of tracking: speed, time to the first result, and memory of a tracker after hours of frames.
 
 ``python -m benchmarks.tracking_speed [--only frames,first,memory] [--runs 5] [--minutes 60]``. Prints the tables of
-docs/benchmarks.md. One thread; times of frames are CPU times of frames after the first few, people coming and going.
-With the measured layer means that every person's keypoints are triangulated from their own detections, too, as
-``reconstruct`` does with its default options, in one go after the last frame.
+docs/benchmarks.md. One thread; times per frame are CPU times after the first few frames, in scenes in which people
+enter and leave. The measured layer triangulates each person's keypoints from the assigned detections, as
+``reconstruct`` does by default, in one call after the last frame.
 """
 
 import argparse
@@ -41,19 +41,19 @@ SCENES = {
 PARTS = ("frames", "first", "memory")
 _WARM_FRAMES = 50
 _LOOKS = 6
-"""How often the memory is looked at while it is watched."""
+"""Interval between samples of the memory."""
 
 
 @dataclass(frozen=True)
 class Figures:
-    """Of one run over a scene, ms of CPU time.
+    """CPU times of one run over a scene, in ms.
 
     Attributes:
-        median: of frames.
-        mean: of frames.
-        p99: of frames.
-        measured: a frame, what the measured layer of everybody takes besides.
-        smoothed: a person and frame, what the full smoother takes afterwards.
+        median: median over frames.
+        mean: mean over frames.
+        p99: 99th percentile over frames.
+        measured: additional time of the measured layer, per frame.
+        smoothed: time of the full smoother, per person and frame.
     """
 
     median: float
@@ -64,15 +64,15 @@ class Figures:
 
 
 def figures_of(scene: CrowdScene) -> Figures:
-    """Follow everybody once, and measure and smooth them once."""
+    """Track, measure and smooth all people once."""
     spent = 1e3 * frame_s(scene)[_WARM_FRAMES:]
-    measured, smoothed = afterwards_ms(scene)
+    measured, smoothed = smoothing_ms(scene)
     p99 = float(np.quantile(spent, 0.99))
     return Figures(float(np.median(spent)), float(spent.mean()), p99, measured, smoothed)
 
 
 def frame_s(scene: CrowdScene) -> np.ndarray:
-    """Shape (frame,): CPU time of each frame of a live tracker."""
+    """Return the CPU time of each frame of a live tracker, shape (frame,)."""
     tracker = tracker_for(scene, TrackerOptions())
     spent = np.empty(scene.detections.n_frames)
     for i in range(len(spent)):
@@ -83,8 +83,8 @@ def frame_s(scene: CrowdScene) -> np.ndarray:
     return spent
 
 
-def afterwards_ms(scene: CrowdScene) -> tuple[float, float]:
-    """CPU time of the measured layer, a frame, and of the full smoother, a person and frame."""
+def smoothing_ms(scene: CrowdScene) -> tuple[float, float]:
+    """Return the CPU time of the measured layer per frame, and of the full smoother per person and frame."""
     plan = prepare(scene.rig, scene.detections, Options(people="many"), Silent())
     frames = plan.detections.n_frames
     start = time.process_time()
@@ -96,8 +96,8 @@ def afterwards_ms(scene: CrowdScene) -> tuple[float, float]:
 
 
 def frames(runs: int) -> None:
-    """Print how long frames take: the least of the runs, and in brackets their median."""
-    print("| ms | median | mean | p99 | median with the measured layer | smoothing, a person and frame |")
+    """Print times per frame: the lowest of the runs, and their median in parentheses."""
+    print("| ms | median | mean | p99 | median with the measured layer | smoothing, per person and frame |")
     print("|---|---|---|---|---|---|")
     for what, options in SCENES.items():
         scene = scene_of(options)
@@ -126,7 +126,7 @@ print(spent[0], max(spent))
 
 
 def first(runs: int) -> None:
-    """Print how long a new process takes to its first frame, with an empty cache and with a warm one."""
+    """Print the time of a new process to its first frame, with an empty and with a warm cache."""
     scene = scene_of(SCENES[FOUR])
     seen = [Frame.of(scene.detections, i) for i in range(100)]
     with tempfile.TemporaryDirectory() as folder:
@@ -149,12 +149,12 @@ def _first_s(file: Path, cache: Path) -> tuple[float, float]:
     )
     whole = time.perf_counter() - start
     first_s, slowest_s = (float(each) for each in process.stdout.split())
-    # What comes after the first frame takes as long as it says.
+    # Later frames take the time that this prints.
     return whole if slowest_s == first_s else min(whole, whole - slowest_s + first_s), slowest_s
 
 
 def memory(minutes: float) -> None:
-    """Print what a live tracker holds while a scene is shown again and again for so long, people coming and going."""
+    """Print the memory of a live tracker while a scene with people who enter and leave is repeated."""
     scene = scene_of(SCENES[FOUR])
     rate_hz = scene.detections.rate_hz or 25.0
     tracker, length = tracker_for(scene, TrackerOptions()), scene.detections.n_frames
@@ -177,7 +177,7 @@ def memory(minutes: float) -> None:
 
 
 def _resident_mb() -> float:
-    """Of this process, NaN where the system does not say."""
+    """Return the memory of this process in MB, NaN if unknown."""
     file = Path("/proc/self/statm")
     return int(file.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6 if file.exists() else float("nan")
 
@@ -191,7 +191,7 @@ def _with_one_thread() -> None:
 
 
 def main() -> None:
-    """Measure and print all parts, or those asked for."""
+    """Run all parts of the benchmark, or the selected ones."""
     _with_one_thread()
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default=",".join(PARTS))

@@ -1,9 +1,9 @@
-"""Benchmark of trajectory solves: ours, aniposelib's, and filters tuned on the truth, on the same data.
+"""Compare trajectory solves on the same data: posefuse, aniposelib, and filters tuned on the truth.
 
 ``python -m benchmarks.trajectory [--frames N] [--only NAME,...] [--data FOLDER] [--no-peer]``. All points are scored,
-seen by many cameras or none. ``oracle + smoother`` knows the true inliers and the true noise, and its smoother is tuned
-on the truth; so is the cut-off of the Butterworth on the per-frame points of ``consensus``. aniposelib solves the
-trajectory with the values its command line has, in its own locked environment, in the same run.
+whether many cameras see them or none. ``oracle + smoother`` knows the true inliers and the true noise, and its smoother
+is tuned on the truth, as is the cutoff of the Butterworth filter on the per-frame points of ``consensus``. aniposelib
+solves the trajectory with the values of its command line, in its own locked environment, in the same run.
 """
 
 import argparse
@@ -40,13 +40,13 @@ DATA = Path(__file__).parent.parent.parent / "shared" / "data"
 
 @dataclass(frozen=True)
 class Path3D:
-    """What a method makes of a recording.
+    """Result of a method on a recording.
 
     Attributes:
         points_m: shape (frame, keypoint, 3), NaN where missing.
-        covariance_m2: shape (frame, keypoint, 3, 3), or None where the method gives none.
+        covariance_m2: shape (frame, keypoint, 3, 3), or None if the method has none.
         spent_ms: CPU time per frame; NaN for methods that use the truth.
-        note: what is worth saying beside its figures.
+        note: remark for the table.
     """
 
     points_m: np.ndarray
@@ -57,18 +57,18 @@ class Path3D:
 
 @dataclass(frozen=True)
 class Score:
-    """A method's figures on a recording.
+    """Scores of a method on a recording.
 
     Attributes:
-        median_mm, p99_mm: of the distances from the truth.
-        far: share of the points there are beyond 5 cm.
+        median_mm, p99_mm: statistics of the errors.
+        far: share of the returned points with errors above 5 cm.
         missing: share of all points.
         inside_68, inside_95: share of the points inside these regions of their covariance; NaN without one.
-        spent_ms: CPU time a frame.
-        bones: how much bones vary in length, as a share (1.48 times the median deviation, over the median).
-        acceleration: median size of the accelerations, over the truth's.
-        wrong_side: share of leg keypoints that lie nearer the other leg's true place than their own.
-        note: of the method.
+        spent_ms: CPU time per frame.
+        bones: relative variation of bone lengths (1.48 times the median deviation, over the median).
+        acceleration: ratio of the median acceleration to the truth's.
+        wrong_side: share of leg keypoints that are closer to the other leg than to their own.
+        note: remark of the method.
     """
 
     median_mm: float
@@ -85,11 +85,11 @@ class Score:
 
     @classmethod
     def of(cls, found: Path3D, data: Walk) -> "Score":
-        """Of every point whose truth is known."""
+        """Score all points with known truth."""
         error = np.linalg.norm(found.points_m - data.points_m, axis=-1)
         there = error[np.isfinite(error)]
         if not there.size:
-            raise ValueError("The method gave no point at all.")
+            raise ValueError("The method returned no points.")
         return cls(
             1000 * float(np.median(there)),
             1000 * float(np.percentile(there, 99)),
@@ -105,7 +105,7 @@ class Score:
 
 
 def inside(found: Path3D, data: Walk) -> tuple[float, float]:
-    """Share of points inside the 68 and 95 % regions of their covariance."""
+    """Return the shares of points inside the 68 and 95 % regions of their covariance."""
     if found.covariance_m2 is None:
         return np.nan, np.nan
     offset = found.points_m - data.points_m
@@ -116,7 +116,7 @@ def inside(found: Path3D, data: Walk) -> tuple[float, float]:
 
 
 def jitter(found: Path3D, data: Walk) -> float:
-    """Median acceleration over the truth's, where both are known."""
+    """Return the ratio of the median acceleration to the truth's, where both are known."""
     ours, true = (accelerations_m_s2(points[:, None], data.times_s)[:, 0] for points in (found.points_m, data.points_m))
     both = np.isfinite(ours) & np.isfinite(true)
     truth = float(np.median(true[both])) if both.any() else 0.0
@@ -124,7 +124,7 @@ def jitter(found: Path3D, data: Walk) -> float:
 
 
 def on_wrong_side(found: Path3D, data: Walk) -> float:
-    """Share of knees, ankles and feet nearer the other side's true place than their own, legs being 10 cm apart."""
+    """Return the share of leg keypoints closer to the other side than to their own, for legs 10 cm apart."""
     skeleton = find_skeleton(data.skeleton)
     parts = [p for p in ("knee", "ankle", "heel", "big_toe", "small_toe") if f"left_{p}" in skeleton.keypoints]
     sides = [[skeleton.index(f"{side}_{part}") for part in parts] for side in ("left", "right")]
@@ -139,12 +139,12 @@ def on_wrong_side(found: Path3D, data: Walk) -> float:
 
 
 def per_frame(rig: CameraRig, detections: Detections) -> Layer:
-    """The per-frame optimum: ``consensus``."""
+    """Return the points of ``consensus`` per frame."""
     return triangulate(rig, detections, Options()).layers["measured"]
 
 
 def solved(rig: CameraRig, detections: Detections) -> Layer:
-    """Ours."""
+    """Return the points of the trajectory solve."""
     from posefuse.model.options.trajectory import TrajectoryOptions
     from posefuse.trajectory.observations import MeasuredRange
     from posefuse.trajectory.priors import estimate_priors
@@ -159,7 +159,7 @@ def solved(rig: CameraRig, detections: Detections) -> Layer:
 
 
 def timed(work: Callable[[CameraRig, Detections], Layer], data: Walk) -> Path3D:
-    """A layer of ours, and the least CPU time of two runs: the machine's speed drifts."""
+    """Return a layer and the lowest CPU time of two runs, because the machine's speed drifts."""
     work(data.rig, data.first(60).detections)
     detections = data.detections
     spent = []
@@ -173,7 +173,7 @@ def timed(work: Callable[[CameraRig, Detections], Layer], data: Walk) -> Path3D:
 
 
 def oracle(data: Walk) -> Path3D:
-    """True inliers, true noise, each frame by itself."""
+    """Return the points of the true inliers with the true noise, frame by frame."""
     lasting = not data.white
     given = Options(
         pairs="labels",
@@ -186,12 +186,12 @@ def oracle(data: Walk) -> Path3D:
 
 
 def median_m(points_m: np.ndarray, data: Walk) -> float:
-    """Median distance from the truth."""
+    """Return the median distance from the truth."""
     return float(np.nanmedian(np.linalg.norm(points_m - data.points_m[: len(points_m)], axis=-1)))
 
 
 def oracle_smoothed(data: Walk) -> Path3D:
-    """The oracle's points through the smoother whose one density suits the truth best."""
+    """Smooth the oracle's points with the density that fits the truth best."""
     points = oracle(data)
     assert points.covariance_m2 is not None
     given = points.points_m, points.covariance_m2, data.times_s
@@ -203,7 +203,7 @@ def oracle_smoothed(data: Walk) -> Path3D:
 
 
 def filtered(data: Walk, points_m: np.ndarray) -> Path3D:
-    """The per-frame optimum through the Butterworth whose cut-off suits the truth best."""
+    """Filter the points per frame with the Butterworth cutoff that fits the truth best."""
     tried = [filters.butterworth(points_m, data.rate_hz, cut_off) for cut_off in filters.CUT_OFFS_HZ]
     losses = [median_m(each, data) for each in tried]
     least = int(np.argmin(losses))
@@ -211,16 +211,16 @@ def filtered(data: Walk, points_m: np.ndarray) -> Path3D:
 
 
 def peer(data: Walk) -> Path3D:
-    """aniposelib, on the same pixels; limbs are the skeleton's edges."""
+    """Run aniposelib on the same pixels; limbs are the edges of the skeleton."""
     with tempfile.TemporaryDirectory() as folder:
         write_inputs(data, Path(folder))
         np.save(Path(folder) / "limbs.npy", find_skeleton(data.skeleton).edge_indices)
-        said = run_peer("aniposelib", Path(folder), "--mode", "optim", "--runs", "1")
-        return Path3D(np.load(Path(folder) / "aniposelib.npy"), spent_ms=said["ms_per_frame"])
+        figures = run_peer("aniposelib", Path(folder), "--mode", "optim", "--runs", "1")
+        return Path3D(np.load(Path(folder) / "aniposelib.npy"), spent_ms=figures["ms_per_frame"])
 
 
 def methods(data: Walk, with_peer: bool) -> Iterator[tuple[str, Path3D]]:
-    """Every method's path."""
+    """Yield the result of every method."""
     yield "oracle, per frame", oracle(data)
     yield "oracle + smoother, tuned", oracle_smoothed(data)
     measured = timed(per_frame, data)
@@ -240,7 +240,7 @@ HEADING = (
 
 
 def line(name: str, score: Score) -> str:
-    """A method's figures on one line."""
+    """Format the scores of a method on one line."""
     return (
         f"{name:32}{score.median_mm:7.2f}{score.p99_mm:7.1f}{100 * score.far:8.3f}{100 * score.missing:8.3f}"
         f"{100 * score.inside_68:6.1f}{100 * score.inside_95:6.1f}{score.spent_ms:9.3f}{100 * score.bones:7.2f}"
@@ -249,7 +249,7 @@ def line(name: str, score: Score) -> str:
 
 
 def by_views(found: Path3D, data: Walk) -> str:
-    """The same points apart by how many views see them rightly: those that few see rest on time and bones."""
+    """Format the scores by the number of inlier views; points with few views depend on time and bones."""
     seen = data.inlier.sum(axis=1)
     error = 1000 * np.linalg.norm(found.points_m - data.points_m, axis=-1)
     parts = []
@@ -279,7 +279,7 @@ def show(name: str, data: Walk, with_peer: bool) -> None:
 
 
 def sets(frames: int, folder: Path) -> dict[str, tuple[str, Callable[[], Walk]]]:
-    """Recordings by short name: what they are, and how they are made."""
+    """Return recordings by short name, with their descriptions and simulations."""
     return {
         "few": ("5 cameras, 5 % outliers", lambda: walk(frames, outlier_share=0.05)),
         "many": ("5 cameras, 40 % outliers", lambda: walk(frames, outlier_share=0.4)),
@@ -295,14 +295,14 @@ def sets(frames: int, folder: Path) -> dict[str, tuple[str, Callable[[], Walk]]]
             "5 cameras, 5 % outliers, legs swapped in 15 % of views, for 0.4 s",
             lambda: motions.with_swapped_legs(walk(frames, outlier_share=0.05), dwell_s=0.4),
         ),
-        "lasting": ("5 cameras, errors as measured: lasting", lambda: motions.with_lasting_noise(walk(frames))),
+        "lasting": ("5 cameras, errors as measured: correlated", lambda: motions.with_lasting_noise(walk(frames))),
         "acts": ("5 cameras, errors as measured, walk, turn, reach, sit, jump", lambda: motions.acts(frames)),
         "panoptic": ("panoptic_motion at 60 Hz, 5 % outliers", lambda: motions.panoptic_at_60_hz(folder, frames)),
     }
 
 
 def hard(frames: int) -> dict[str, tuple[str, Callable[[], Walk]]]:
-    """Recordings made to break a smoother, by short name."""
+    """Return recordings that are difficult for smoothers, by short name."""
     return {
         "still": ("a statue", lambda: motions.still(frames)),
         "jumps": ("stands still for 3 s, then jumps", lambda: motions.stand_then_jump(frames)),
@@ -320,12 +320,12 @@ def hard(frames: int) -> dict[str, tuple[str, Callable[[], Walk]]]:
 
 
 def main() -> None:
-    """Measure and print."""
+    """Run the benchmark and print its tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--frames", type=int, default=FRAMES)
-    parser.add_argument("--only", help="some of the recordings, by short name")
+    parser.add_argument("--only", help="short names of recordings")
     parser.add_argument("--data", type=Path, default=DATA, help="folder of real recordings")
-    parser.add_argument("--no-peer", action="store_true", help="without aniposelib, which takes a minute a recording")
+    parser.add_argument("--no-peer", action="store_true", help="skip aniposelib, which takes a minute per recording")
     given = parser.parse_args()
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})

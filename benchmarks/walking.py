@@ -1,4 +1,4 @@
-"""The data all benchmarks share: a walking figure in a ring of cameras."""
+"""Simulate the shared data of the benchmarks: a walking figure in a ring of cameras."""
 
 from dataclasses import dataclass, replace
 
@@ -24,12 +24,13 @@ class Walk:
         rig: the cameras.
         points_m: shape (frame, keypoint, 3).
         pixels: shape (frame, view, keypoint, 2), as detected.
-        confidence: shape (frame, view, keypoint), saying nothing about the noise.
+        confidence: shape (frame, view, keypoint), unrelated to the noise.
         inlier: shape (frame, view, keypoint), bool: not a gross outlier, not missing.
-        skeleton: the keypoints, by name.
+        skeleton: name of the skeleton.
         rate_hz: nominal frame rate.
-        time_s: shape (frame,), of frames that are not evenly spaced; None for frames at the rate.
-        white: whether the errors of inliers are white noise of SIGMA_PX; else they follow the measured law.
+        time_s: shape (frame,), for unevenly spaced frames; None for evenly spaced ones.
+        white: whether the errors of inliers are white noise of SIGMA_PX; otherwise they follow the measured error
+            model.
     """
 
     rig: CameraRig
@@ -44,21 +45,21 @@ class Walk:
 
     @property
     def times_s(self) -> np.ndarray:
-        """Shape (frame,): when the frames were taken."""
+        """Return the times of the frames, shape (frame,)."""
         return np.arange(len(self.points_m)) / self.rate_hz if self.time_s is None else self.time_s
 
     def first(self, frames: int) -> "Walk":
-        """Its first frames."""
+        """Return the first frames."""
         return self.between(slice(0, frames))
 
     def between(self, span: slice) -> "Walk":
-        """Some of its frames."""
+        """Return some of the frames."""
         cut = {name: getattr(self, name)[span] for name in ("points_m", "pixels", "confidence", "inlier")}
         return replace(self, **cut, time_s=None if self.time_s is None else self.time_s[span])
 
     @property
     def detections(self) -> Detections:
-        """What posefuse is given."""
+        """Return the detections for posefuse."""
         skeleton = find_skeleton(self.skeleton)
         times = None if self.time_s is None else np.repeat(self.time_s[:, None], len(self.rig), axis=1)
         return Detections.from_dense(
@@ -79,7 +80,7 @@ def walk(
     rig: CameraRig | None = None,
     seed: int = 0,
 ) -> Walk:
-    """White Gaussian noise, gross outliers in a random direction, keypoints missing at random."""
+    """Simulate white Gaussian noise, gross outliers in random directions, and randomly missing keypoints."""
     rng = np.random.default_rng(seed)
     keypoints = find_skeleton(skeleton)
     figure = human(1.75)
@@ -103,7 +104,7 @@ def observe(
     outlier_px: tuple[float, float] = (30.0, 300.0),
     missing_share: float = 0.0,
 ) -> Walk:
-    """Any motion, shape (frame, keypoint, 3), seen with the noise of :func:`walk`."""
+    """Simulate the detections of any motion, shape (frame, keypoint, 3), with the noise of :func:`walk`."""
     pixels = np.moveaxis(rig.project(points_m), 0, 1)
     pixels = pixels + sigma_px * rng.standard_normal(pixels.shape)
     shape = pixels.shape[:-1]
@@ -116,7 +117,7 @@ def observe(
 
 
 def with_one_wrong_view(data: Walk, size_px: float, seed: int = 1) -> Walk:
-    """The same with one observation of every point moved by so much in a random direction."""
+    """Return a copy with one observation of every point moved by a distance in a random direction."""
     rng = np.random.default_rng(seed)
     frames, views, keypoints, _ = data.pixels.shape
     view = rng.integers(0, views, (frames, keypoints))
@@ -129,7 +130,7 @@ def with_one_wrong_view(data: Walk, size_px: float, seed: int = 1) -> Walk:
 
 
 def with_swapped_sides(data: Walk, run: int = 30, seed: int = 2) -> Walk:
-    """The same with the body's left and right exchanged in one view at a time, half of the time, in spells."""
+    """Return a copy with left and right swapped in one view at a time, half of the time, for periods."""
     rng = np.random.default_rng(seed)
     skeleton = find_skeleton(data.skeleton)
     pixels, inlier = data.pixels.copy(), data.inlier.copy()

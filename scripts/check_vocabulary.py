@@ -2,8 +2,8 @@
 
 Usage: python scripts/check_vocabulary.py [--no-help-output] [FILE ...]
 
-Without files, the check covers src, docs, README.md, CHANGELOG.md and the help output of every command. It prints one
-line per match and exits with code 1 if there is any.
+Without files, the check covers src, docs, benchmarks, examples, the Markdown pages of the root, and the help output of
+every command. It prints one line per match and exits with code 1 if there is any.
 """
 
 import io
@@ -16,9 +16,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-EXEMPT = {"docs/glossary.md"}
+EXEMPT = {"docs/glossary.md", "benchmarks/same_numbers.py", "benchmarks/same_numbers_cases.py"}
 SUFFIXES = {".py", ".md", ".html", ".js", ".toml"}
-CHECKED = ("src", "docs", "README.md", "CHANGELOG.md")
+CHECKED = ("src", "docs", "benchmarks", "examples", "README.md", "CONTRIBUTING.md", "CHANGELOG.md")
 
 
 def load_phrases() -> dict[str, str]:

@@ -1,8 +1,9 @@
-"""Writers of other programs' calibrations, for readers to be tested on: each writes a rig and says what to read."""
+"""Writers of calibrations in the formats of other programs; each returns the path to read."""
 
 import json
 import pickle
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from posefuse.model.cameras import Camera, CameraRig, LensModel, vector_from_rotation
 from tests.files import anipose_toml, pose2sim_toml, qualisys_xml
+from tests.scenes import ring
 
 
 def coefficients(camera: Camera) -> list[float]:
@@ -45,14 +47,14 @@ def vicon(rig: CameraRig, folder: Path) -> Path:
     cameras = []
     for c in rig.cameras:
         quaternion = " ".join(map(repr, Rotation.from_matrix(c.rotation).as_quat().tolist()))
-        centre = " ".join(map(repr, (1000.0 * c.centre_m).tolist()))
+        center = " ".join(map(repr, (1000.0 * c.center_m).tolist()))
         k, (width, height) = c.matrix.tolist(), c.size_px
         k1, k2, _, _, k3 = coefficients(c)
         cameras.append(
             f'<Camera DEVICEID="{c.name}" SYSTEM="DV" SENSOR_SIZE="{width + 40} {height + 20}" '
             f'VIDEO_SIZE="{width} {height}" PIXEL_ASPECT_RATIO="{k[0][0] / k[1][1]!r}"><KeyFrames><KeyFrame '
             f'FOCAL_LENGTH="{k[0][0]!r}" PRINCIPAL_POINT="{k[0][2] + 20!r} {k[1][2] + 10!r}" '
-            f'ORIENTATION="{quaternion}" POSITION="{centre}" '
+            f'ORIENTATION="{quaternion}" POSITION="{center}" '
             f'VICON_RADIAL2="none 0 0 {k1!r} {k2!r} {k3!r}" WORLD_ERROR="0.1"/></KeyFrames></Camera>'
         )
     marker = '<Camera DEVICEID="marker" SYSTEM="VX"/>'
@@ -194,7 +196,7 @@ def scene(rig: CameraRig, folder: Path) -> Path:
 
 
 def scene_of_poses(rig: CameraRig, folder: Path) -> Path:
-    cameras = [_scene_camera(c) | {"R": c.rotation.T.tolist(), "T": c.centre_m[:, None].tolist()} for c in rig.cameras]
+    cameras = [_scene_camera(c) | {"R": c.rotation.T.tolist(), "T": c.center_m[:, None].tolist()} for c in rig.cameras]
     return _text(folder / "scene.json", json.dumps({"extrinsic_format": "rpt_camera_pose", "cameras": cameras}))
 
 
@@ -328,3 +330,30 @@ def _xml_matrix(name: str, values: object) -> str:
     numbers = " ".join(map(repr, array.ravel().tolist()))
     shape = f"<rows>{rows}</rows><cols>{columns}</cols><dt>d</dt>"
     return f'<{name} type_id="opencv-matrix">{shape}<data>{numbers}</data></{name}>'
+
+
+CAMERA_NAMES = {
+    "acinoset": "cam{}", "kalibr": "cam{}", "projections": "{}", "caliscope_old": "cam_{}", "caliscope_new": "cam_{}",
+}  # fmt: skip
+"""Patterns of camera names in formats that do not keep names."""
+
+
+def rig_for(name: str, lens: str = "mild") -> CameraRig:
+    """Return three cameras that a format can represent."""
+    cameras = []
+    first = 1 if name == "acinoset" else 0
+    world = ring(3).cameras[0].camera_from_world if name == "kalibr" else np.eye(4)
+    for i, camera in enumerate(ring(3, lens).cameras):
+        distortion = camera.distortion
+        if camera.lens is LensModel.BROWN and name in ("kalibr", "pose2sim"):
+            distortion = (*distortion[:4], 0.0)
+        if name == "vicon":
+            distortion = (*distortion[:2], 0.0, 0.0, 0.003)
+        pose = camera.camera_from_world @ np.linalg.inv(world)
+        camera_name = CAMERA_NAMES.get(name, "left_{}").format(i + first)
+        size = (round(2 * camera.matrix[0, 2]), round(2 * camera.matrix[1, 2]))
+        camera = replace(camera, name=camera_name, distortion=distortion, camera_from_world=pose, size_px=size)
+        if name.startswith("projection"):
+            camera = replace(camera, lens=LensModel.PINHOLE, distortion=())
+        cameras.append(camera)
+    return CameraRig(tuple(cameras))

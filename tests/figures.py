@@ -1,4 +1,4 @@
-"""People whose bodies stand in known ways, and plain readers of the files that animation programs take."""
+"""Results with known poses, and simple readers of animation files."""
 
 from pathlib import Path
 
@@ -6,6 +6,8 @@ import numpy as np
 import pygltflib
 from scipy.spatial.transform import Rotation, Slerp
 
+from posefuse.biomechanics.animation_figures import figure_of_person
+from posefuse.io.results.axes import minimal_y_up_from_world
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.track_events import Poses
@@ -19,7 +21,7 @@ RATE_HZ = 50.0
 def posed(
     name: str = "body_20", frames: int = 30, people: int = 1, seed: int = 0, away: tuple[slice, ...] = ()
 ) -> Reconstruction:
-    """People who move smoothly in any way, of any lengths; away in some frames."""
+    """Return people with random smooth motion and bone lengths, absent in some frames."""
     rng = np.random.default_rng(seed)
     skeleton = shipped_skeleton(name)
     segments, bones, lengths = skeleton.body_names
@@ -58,7 +60,7 @@ def _moving(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def places(skeleton: Skeleton, root: np.ndarray, turns: np.ndarray, ways: np.ndarray, shape: np.ndarray) -> np.ndarray:
-    """Where keypoints are: (frame, keypoint, 3), from what a tree says of itself."""
+    """Return keypoints of poses by the definition of the tree, shape (frame, keypoint, 3)."""
     out = np.full((len(root), len(skeleton), 3), np.nan)
     s = b = h = 0
     for tree, keypoints, at in [
@@ -66,7 +68,7 @@ def places(skeleton: Skeleton, root: np.ndarray, turns: np.ndarray, ways: np.nda
         *((part.tree, part.keypoints, part.at) for part in skeleton.parts),
     ]:
         start = root if at < 0 else out[:, at]
-        found = [start]
+        actual = [start]
         for node in tree.nodes[1:]:
             place = [
                 sign * shape[h + number] if number >= 0 else value
@@ -74,20 +76,20 @@ def places(skeleton: Skeleton, root: np.ndarray, turns: np.ndarray, ways: np.nda
             ]
             carried = turns[:, s + node.mover] @ place if not node.is_bone else None
             step = place[2] * ways[:, b + node.mover] if carried is None else carried
-            found.append(found[node.parent] + step)
+            actual.append(actual[node.parent] + step)
         for n, k in zip(tree.keypoint_nodes, keypoints, strict=True):
             if n >= 0:
-                out[:, k] = found[n]
+                out[:, k] = actual[n]
         s, b, h = s + len(tree.segments), b + len(tree.bones), h + len(tree.shape_m)
     return out
 
 
 def model_layer(points: np.ndarray, views: int = 3) -> Layer:
     shape = points.shape[:-1]
-    there = np.isfinite(points[..., 0])
+    present = np.isfinite(points[..., 0])
     return Layer(
-        points, np.full((*shape, 6), np.nan), np.where(there, PointStatus.OK, PointStatus.ABSENT).astype(np.int8),
-        np.where(there, Source.MODELED, Source.NONE).astype(np.int8), np.full(shape, np.nan),
+        points, np.full((*shape, 6), np.nan), np.where(present, PointStatus.OK, PointStatus.ABSENT).astype(np.int8),
+        np.where(present, Source.MODELED, Source.NONE).astype(np.int8), np.full(shape, np.nan),
         np.full((*shape, views), ViewStatus.USED, dtype=np.int8), np.full((*shape, views), np.nan, dtype=np.float32),
     )  # fmt: skip
 
@@ -131,7 +133,7 @@ class Bvh:
     def places(self, rows: np.ndarray | None = None) -> np.ndarray:
         """Shape (frame, joint, 3)."""
         rows = self.rows if rows is None else rows
-        at, found, turns = 0, [], []
+        at, actual, turns = 0, [], []
         for parent, offset, channels in zip(self.parents, self.offsets, self.channels, strict=True):
             place, turn = np.tile(offset, (len(rows), 1)), Rotation.identity(len(rows))
             for channel in channels:
@@ -142,10 +144,10 @@ class Bvh:
                 else:
                     turn = turn * Rotation.from_rotvec(np.radians(values)[:, None] * np.eye(3)[axis])
             if parent >= 0:
-                place, turn = found[parent] + turns[parent].apply(place), turns[parent] * turn
-            found.append(place)
+                place, turn = actual[parent] + turns[parent].apply(place), turns[parent] * turn
+            actual.append(place)
             turns.append(turn)
-        return np.stack(found, axis=1)
+        return np.stack(actual, axis=1)
 
 
 class Gltf:
@@ -163,7 +165,7 @@ class Gltf:
             self.parents[node.children or []] = n
 
     def numbers(self, accessor: int) -> np.ndarray:
-        """What an accessor holds."""
+        """Return the contents of an accessor."""
         entry = self.file.accessors[accessor]
         view = self.file.bufferViews[entry.bufferView]
         kind = {5126: np.float32, 5125: np.uint32, 5123: np.uint16}[entry.componentType]
@@ -172,7 +174,7 @@ class Gltf:
         return np.frombuffer(self.blob, kind, entry.count * width, view.byteOffset).reshape(entry.count, width)
 
     def channel(self, node: int, path: str) -> tuple[np.ndarray, np.ndarray, str] | None:
-        """Seconds, values and interpolation of what a node does."""
+        """Return times, values and interpolation of a node's animation channel."""
         for each in self.animation.channels:
             if (each.target.node, each.target.path) == (node, path):
                 sampler = self.animation.samplers[each.sampler]
@@ -185,14 +187,14 @@ class Gltf:
         for n, node in enumerate(self.file.nodes):
             out[:, n, :3, 3] = node.translation or 0.0
             for path in ("translation", "rotation") if seconds is not None else ():
-                found = self.channel(n, path)
-                if found is not None:
-                    keys = np.searchsorted(found[0], np.float32(seconds))
-                    assert (found[0][keys] == np.float32(seconds)).all()
+                actual = self.channel(n, path)
+                if actual is not None:
+                    keys = np.searchsorted(actual[0], np.float32(seconds))
+                    assert (actual[0][keys] == np.float32(seconds)).all()
                     if path == "translation":
-                        out[:, n, :3, 3] = found[1][keys]
+                        out[:, n, :3, 3] = actual[1][keys]
                     else:
-                        out[:, n, :3, :3] = Rotation.from_quat(found[1][keys]).as_matrix()
+                        out[:, n, :3, :3] = Rotation.from_quat(actual[1][keys]).as_matrix()
         order = sorted(range(len(self.names)), key=self._depth)
         for n in order:
             if self.parents[n] >= 0:
@@ -201,3 +203,16 @@ class Gltf:
 
     def _depth(self, n: int) -> int:
         return 0 if self.parents[n] < 0 else 1 + self._depth(self.parents[n])
+
+
+def points_in_file_axes(result, person: int = 0) -> np.ndarray:
+    """Points of the model layer in the file's axes."""
+    turn = minimal_y_up_from_world(result.rig.up_axis)
+    return np.asarray(result.layers["model"].points_m)[:, person] @ turn.T
+
+
+def joints_of(result, names: list[str], person: str = "person_1") -> tuple[np.ndarray, list[int]]:
+    """Keypoints that have a joint, and which that is in the file."""
+    figure = figure_of_person(result, person).figure
+    keypoints = np.flatnonzero(figure.keypoint_joints >= 0)
+    return keypoints, [names.index(figure.joints[j].name) for j in figure.keypoint_joints[keypoints]]

@@ -74,11 +74,11 @@ def qualisys_xml(rig: CameraRig) -> str:
     cameras = []
     for camera in rig.cameras:
         axes = np.diag([1.0, -1.0, -1.0]) @ camera.rotation
-        centre = 1000.0 * camera.centre_m
+        center = 1000.0 * camera.center_m
         k1, k2, p1, p2, k3 = (camera.distortion + (0.0,) * 5)[:5]
         k = camera.matrix * 64
         turn = " ".join(f'r{i + 1}{j + 1}="{axes[i, j]!r}"' for i in range(3) for j in range(3))
-        place = " ".join(f'{axis}="{value!r}"' for axis, value in zip("xyz", centre.tolist(), strict=True))
+        place = " ".join(f'{axis}="{value!r}"' for axis, value in zip("xyz", center.tolist(), strict=True))
         width, height = camera.size_px
         cameras.append(
             f'<camera serial="{camera.name}" model="none" viewrotation="0">'

@@ -19,7 +19,7 @@ from posefuse.model.detections import Detections
 from tests.files import write_openpose
 
 
-def people_of(detections: Detections, frame: int, view: int) -> list[tuple[int, np.ndarray]]:
+def people_in_view(detections: Detections, frame: int, view: int) -> list[tuple[int, np.ndarray]]:
     """Return track and x, y, confidence (NaN as 0) of each person in a frame of a view."""
     start, stop = detections.offsets[frame * detections.n_views + view :][:2]
     pixels = np.asarray(detections.keypoints_px)[start:stop]
@@ -50,7 +50,7 @@ def _mmpose(detections: Detections, folder: Path, wrap: Callable) -> Path:
                 "frame_id": int(number),
                 "instances": [
                     {"keypoints": rows[:, :2].tolist(), "keypoint_scores": rows[:, 2].tolist(), "track_id": track}
-                    for track, rows in people_of(detections, f, v)
+                    for track, rows in people_in_view(detections, f, v)
                 ],
             }
             for f, number in enumerate(detections.frame_numbers)
@@ -71,7 +71,7 @@ def alphapose(detections: Detections, folder: Path) -> Path:
                 "idx": [track],
             }
             for f, number in enumerate(detections.frame_numbers)
-            for track, rows in people_of(detections, f, v)
+            for track, rows in people_in_view(detections, f, v)
         ]
         _json(folder / name / "alphapose-results.json", people)
     return folder
@@ -88,7 +88,7 @@ def coco_results(detections: Detections, folder: Path) -> Path:
                 "track_id": track,
             }
             for f, number in enumerate(detections.frame_numbers)
-            for track, rows in people_of(detections, f, v)
+            for track, rows in people_in_view(detections, f, v)
         ]
         _json(folder / f"{name}.json", people)
     return folder
@@ -101,7 +101,7 @@ def coco_annotations(detections: Detections, folder: Path) -> Path:
     for v, name in enumerate(detections.view_names):
         people = []
         for f, number in enumerate(detections.frame_numbers):
-            for track, rows in people_of(detections, f, v):
+            for track, rows in people_in_view(detections, f, v):
                 rows = np.column_stack([rows[:, :2], np.where(rows[:, 2] > 0, 2, 0)])
                 people.append({"image_id": 100 + int(number), "keypoints": rows.ravel().tolist(), "track_id": track})
         content = {
@@ -124,7 +124,7 @@ def easymocap(detections: Detections, folder: Path) -> Path:
         for f, number in enumerate(detections.frame_numbers):
             annots = [
                 {"personID": track, "bbox": [0, 0, 1, 1, 1], "keypoints": rows.tolist()}
-                for track, rows in people_of(detections, f, v)
+                for track, rows in people_in_view(detections, f, v)
             ]
             content = {"filename": "x.jpg", "height": 1080, "width": 1920, "annots": annots}
             _json(folder / name / f"{number:06d}.json", content)
@@ -137,7 +137,7 @@ def opencap(detections: Detections, folder: Path) -> Path:
         frames = [
             [
                 {"person_id": [place], "pose_keypoints_2d": rows.ravel().tolist()}
-                for place, (_, rows) in enumerate(people_of(detections, f, v))
+                for place, (_, rows) in enumerate(people_in_view(detections, f, v))
             ]
             for f in range(detections.n_frames)
         ]
@@ -215,7 +215,7 @@ def _deeplabcut(detections: Detections):
     for v, name in enumerate(detections.view_names):
         values = np.full((detections.n_frames, n_people, len(detections.skeleton), 3), np.nan)
         for f in range(detections.n_frames):
-            for track, rows in people_of(detections, f, v):
+            for track, rows in people_in_view(detections, f, v):
                 values[f, track] = np.where(rows[:, 2:] > 0, rows, np.nan)
         yield name, columns, detections.frame_numbers, values.reshape(detections.n_frames, -1)
 
@@ -228,7 +228,7 @@ def label3d(detections: Detections, folder: Path) -> Path:
     for v, name in enumerate(detections.view_names):
         pixels = np.full((detections.n_frames, len(detections.skeleton), 2), np.nan)
         for f in range(detections.n_frames):
-            for _, rows in people_of(detections, f, v):
+            for _, rows in people_in_view(detections, f, v):
                 pixels[f] = np.where(rows[:, 2:] > 0, rows[:, :2], np.nan)
         cells[v, 0] = {
             "data_2d": pixels.reshape(len(pixels), -1),
@@ -312,7 +312,7 @@ def payload_lines(detections: Detections, folder: Path) -> Path:
             for v, name in enumerate(detections.view_names):
                 people = [
                     {"keypoints": rows[:, :2].tolist(), "scores": rows[:, 2].tolist(), "track_id": track}
-                    for track, rows in people_of(detections, f, v)
+                    for track, rows in people_in_view(detections, f, v)
                 ]
                 at = 1_700_000_000_000_000_000 + number * 40_000_000
                 file.write(json.dumps({"camera": name, "timestamp_ns": at, "payload": {"detections": people}}) + "\n")
@@ -324,7 +324,7 @@ def payload_arrays(detections: Detections, folder: Path) -> Path:
     for v, name in enumerate(detections.view_names):
         records = []
         for f, number in enumerate(detections.frame_numbers.tolist()):
-            people = [rows for _, rows in people_of(detections, f, v)]
+            people = [rows for _, rows in people_in_view(detections, f, v)]
             kps, scores = [rows[:, :2].tolist() for rows in people], [rows[:, 2].tolist() for rows in people]
             records.append({"frame_index": number, "timestamp": 0.04 * number, "kps": kps, "kps_scores": scores})
         _json(folder / f"{name}.json", records)
@@ -345,7 +345,7 @@ def slp(detections: Detections, folder: Path) -> Path:
                     np.where(rows[:, 2:] > 0, rows[:, :2], np.nan), skeleton, point_scores=rows[:, 2],
                     track=tracks[track],
                 )
-                for track, rows in people_of(detections, f, v)
+                for track, rows in people_in_view(detections, f, v)
             ]  # fmt: skip
             frames.append(sleap_io.LabeledFrame(video=video, frame_idx=number, instances=instances))
     labels = sleap_io.Labels(frames, videos=videos, skeletons=[skeleton], tracks=tracks)
@@ -358,7 +358,7 @@ def mediapipe_json(detections: Detections, folder: Path) -> Path:
     for v, name in enumerate(detections.view_names):
         frames = []
         for f, number in enumerate(detections.frame_numbers.tolist()):
-            people = [[_landmark(row) for row in rows] for _, rows in people_of(detections, f, v)]
+            people = [[_landmark(row) for row in rows] for _, rows in people_in_view(detections, f, v)]
             frames.append({"frame": number, "pose_landmarks": people})
         _json(folder / f"{name}.json", {"width": 1920, "height": 1080, "frames": frames})
     return folder
@@ -388,7 +388,7 @@ def _mediapipe_csv(detections: Detections, folder: Path, *, long: bool) -> Path:
             header = ["landmark", *kinds] if long else [f"{part}_{kind}".upper() for part in names for kind in kinds]
             lines.writerow(["frame", *header])
             for f, number in enumerate(detections.frame_numbers.tolist()):
-                people = people_of(detections, f, v) or [(0, np.zeros((len(names), 3)))]
+                people = people_in_view(detections, f, v) or [(0, np.zeros((len(names), 3)))]
                 cells = [[repr(float(c)) if row[2] > 0 else "" for c in row] for row in people[0][1]]
                 if long:
                     lines.writerows([number, part, *row] for part, row in zip(names, cells, strict=True))

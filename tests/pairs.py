@@ -11,12 +11,12 @@ BOUND = 16.0
 """Bound of an observation's cost, in squared standard deviations."""
 
 
-def covariance_of(rig: CameraRig, points_m: np.ndarray, seen: np.ndarray, sigma_px: float) -> np.ndarray:
+def covariance_of(rig: CameraRig, points_m: np.ndarray, observed: np.ndarray, sigma_px: float) -> np.ndarray:
     """Return covariances of points seen by the views in ``seen`` (..., view), shape (..., 3, 3)."""
     step = 1e-4
     shifted = np.stack([(rig.project(points_m + step * axis) - rig.project(points_m)) / step for axis in np.eye(3)])
     jacobian = np.moveaxis(np.nan_to_num(shifted), (0, 1), (-1, -3))
-    information = np.einsum("...v,...via,...vib->...ab", seen.astype(float), jacobian, jacobian) / sigma_px**2
+    information = np.einsum("...v,...via,...vib->...ab", observed.astype(float), jacobian, jacobian) / sigma_px**2
     return np.linalg.inv(information + 1e-6 * np.eye(3))
 
 
@@ -29,11 +29,11 @@ def simulate_pairs(
     """
     columns = detections.skeleton.pair_indices
     pixels = np.moveaxis(detections.dense()[0][:, :, columns], 1, 3)
-    seen = np.isfinite(pixels).all(axis=-1)
-    two = seen.any(axis=2, keepdims=True) & np.ones_like(seen)
+    visible = np.isfinite(pixels).all(axis=-1)
+    two = visible.any(axis=2, keepdims=True) & np.ones_like(visible)
     covariance = covariance_of(rig, truth_m[:, columns], two, sigma_px)
     points = truth_m[:, columns] + np.einsum(
-        "...ab,...b->...a", np.linalg.cholesky(covariance), rng.standard_normal((*seen.shape[:3], 3))
+        "...ab,...b->...a", np.linalg.cholesky(covariance), rng.standard_normal((*visible.shape[:3], 3))
     )
     missing = two.sum(axis=-1) < 2
     points[missing] = np.nan
@@ -42,22 +42,22 @@ def simulate_pairs(
 
     def cost(label: int, point: int) -> np.ndarray:
         off = np.square(pixels[:, :, label] - expected[:, :, point]).sum(axis=-1) / sigma_px**2
-        return np.where(seen[:, :, label], np.minimum(np.nan_to_num(off), BOUND), 0.0)
+        return np.where(visible[:, :, label], np.minimum(np.nan_to_num(off), BOUND), 0.0)
 
     evidence = cost(0, 0) + cost(1, 1) - cost(0, 1) - cost(1, 0)
     evidence[missing.any(axis=-1)] = 0.0
     wrong = np.clip(evidence, -8, 8).sum(axis=-1) > 0
     flip = wrong[:, :, None]
     labels = np.where(evidence[..., None] > 0, [1, 0], [0, 1])
-    there = np.moveaxis(two & ~missing[..., None], 2, 3)
-    used = np.where(there, labels, -1).astype(np.int8)
+    other = np.moveaxis(two & ~missing[..., None], 2, 3)
+    used = np.where(other, labels, -1).astype(np.int8)
     return SolvedPairs(
         points_m=np.where(flip[..., None], points[:, :, ::-1], points),
         covariance_m2=np.where(flip[..., None], entries[:, :, ::-1], entries),
         status=np.where(missing, status_codes.POINT_TOO_FEW_VIEWS, status_codes.POINT_OK).astype(np.int8),
         used=np.where(flip[..., None], used[..., ::-1], used),
         view_error_px=np.full(used.shape, sigma_px, dtype=np.float32),
-        view_status=np.where(there, status_codes.VIEW_USED, status_codes.VIEW_UNSEEN).astype(np.int8),
+        view_status=np.where(other, status_codes.VIEW_USED, status_codes.VIEW_UNSEEN).astype(np.int8),
         evidence=np.where(wrong[..., None], -evidence, evidence).astype(np.float32),
         cost=np.zeros(wrong.shape),
     )

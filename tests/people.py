@@ -1,4 +1,4 @@
-"""A result of several people who come and go, made from a simulated crowd without a tracker."""
+"""Results of several people that enter and leave, built from simulated scenes without a tracker."""
 
 from dataclasses import replace
 
@@ -17,13 +17,13 @@ from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 TENTATIVE_FRAMES = 3
 
 
-def crowd(people: int = 4, seconds: float = 2.0, seed: int = 0) -> CrowdScene:
-    """People who walk about, and a detector that often sees somebody who is not there."""
+def simulate_walkers(people: int = 4, seconds: float = 2.0, seed: int = 0) -> CrowdScene:
+    """Return walking people, and a detector with many false detections."""
     options = CrowdOptions(people=people, duration_s=seconds, seed=seed, skeleton="body_20")
     return simulate_crowd(replace(options, faults=CrowdFaults(false_share=0.2)))
 
 
-def followed(scene: CrowdScene, seed: int = 0) -> Reconstruction:
+def track_perfectly(scene: CrowdScene, seed: int = 0) -> Reconstruction:
     """What an excellent tracker would make of a crowd: 1 cm off, each detection its owner's.
 
     The last person is away for the middle third of the time.
@@ -79,16 +79,16 @@ def _tracks(scene: CrowdScene, present: np.ndarray) -> Tracks:
 def _layer(scene: CrowdScene, tracks: Tracks, points: np.ndarray, source: Source) -> Layer:
     rows = tracks.rows(scene.detections)
     pixels = np.moveaxis(scene.rig.project(points), 0, 2)
-    seen = np.where((rows >= 0)[..., None, None], np.asarray(scene.detections.keypoints_px)[rows], np.nan)
-    error = np.linalg.norm(pixels - seen, axis=-1).transpose(0, 1, 3, 2)
-    there = np.isfinite(points[..., 0])
+    visible = np.where((rows >= 0)[..., None, None], np.asarray(scene.detections.keypoints_px)[rows], np.nan)
+    error = np.linalg.norm(pixels - visible, axis=-1).transpose(0, 1, 3, 2)
+    present = np.isfinite(points[..., 0])
     used = np.isfinite(error)
-    status = np.where(there, PointStatus.OK, PointStatus.NOT_SEEN).astype(np.int8)
+    status = np.where(present, PointStatus.OK, PointStatus.NOT_SEEN).astype(np.int8)
     view_status = np.where(used, ViewStatus.USED, ViewStatus.UNSEEN).astype(np.int8)
-    covariance = np.where(there[..., None], np.array([1e-4, 0, 0, 1e-4, 0, 1e-4]), np.nan)
+    covariance = np.where(present[..., None], np.array([1e-4, 0, 0, 1e-4, 0, 1e-4]), np.nan)
     mean = np.where(used, error, 0).sum(axis=-1) / np.maximum(used.sum(axis=-1), 1)
     return Layer(
-        points, covariance, status, np.where(there, source, Source.NONE).astype(np.int8),
+        points, covariance, status, np.where(present, source, Source.NONE).astype(np.int8),
         np.where(used.any(axis=-1), mean, np.nan), view_status, error.astype(np.float32),
     )  # fmt: skip
 
@@ -115,8 +115,8 @@ def _events(tracks: Tracks, scene: CrowdScene) -> tuple[Event, ...]:
     for f, p in zip(*np.nonzero(np.diff(state, axis=0, prepend=state[:1])), strict=True):
         name, when = tracks.person_ids[p], (int(numbers[f]), float(time_s[f]))
         if state[f, p] == TrackState.ACTIVE:
-            known = (state[:f, p] == TrackState.LOST).any()
-            events.append(Event(*when, name, "reidentified" if known else "confirmed", "seen by 4 cameras"))
+            reference = (state[:f, p] == TrackState.LOST).any()
+            events.append(Event(*when, name, "reidentified" if reference else "confirmed", "seen by 4 cameras"))
         elif state[f, p] == TrackState.LOST:
             events.append(Event(*when, name, "lost", "not seen for 0.3 s, though 3 cameras should see them"))
         elif state[f, p] == TrackState.ABSENT:
@@ -125,8 +125,8 @@ def _events(tracks: Tracks, scene: CrowdScene) -> tuple[Event, ...]:
 
 
 def without_people(scene: CrowdScene) -> Reconstruction:
-    """The same recording with nobody found in it."""
-    whole = followed(scene)
+    """Return the result of the same recording without people."""
+    whole = track_perfectly(scene)
     empty = {
         name: Layer(*(np.asarray(value)[:, :0] for value in vars(layer).values()))
         for name, layer in whole.layers.items()

@@ -1,4 +1,4 @@
-"""Animals are followed as the page says: its own skeleton, its own commands, by files."""
+"""Animals are tracked with the skeleton and the commands of the documentation."""
 
 import json
 import re
@@ -30,17 +30,17 @@ def scene() -> CrowdScene:
     return renamed(made, Skeleton("own", tuple(OF)), OF)
 
 
-def test_the_pages_skeleton_is_the_benchmarks() -> None:
+def test_skeleton_of_the_documentation_equals_that_of_the_benchmark() -> None:
     (text,) = re.findall(r"(?s)```toml\n(.*?)```", PAGE)
-    ours, theirs = parse_skeleton(text, "my_mouse.toml"), parse_skeleton(OWN_TOML, "my_mouse.toml")
-    assert (ours.keypoints, ours.edges, ours.pairs) == (theirs.keypoints, theirs.edges, theirs.pairs)
-    assert ours.tree is not None
-    assert theirs.tree is not None
-    assert ours.tree.size_m == theirs.tree.size_m
+    actual, second = parse_skeleton(text, "my_mouse.toml"), parse_skeleton(OWN_TOML, "my_mouse.toml")
+    assert (actual.keypoints, actual.edges, actual.pairs) == (second.keypoints, second.edges, second.pairs)
+    assert actual.tree is not None
+    assert second.tree is not None
+    assert actual.tree.size_m == second.tree.size_m
 
 
 @pytest.mark.parametrize("which", [0, 1], ids=["without a skeleton", "with one"])
-def test_the_pages_commands_follow_two_mice(
+def test_documented_commands_track_two_mice(
     which: int, scene: CrowdScene, run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -60,7 +60,7 @@ def test_the_pages_commands_follow_two_mice(
     assert scores["median_mm"] < 8.0
 
 
-def test_a_gate_can_be_given(scene: CrowdScene, run, tmp_path: Path) -> None:
+def test_evaluation_accepts_a_gate(scene: CrowdScene, run, tmp_path: Path) -> None:
     posefuse.write(scene.truth, tmp_path / "reconstruction.nc")
     code, _, warned = run("evaluate", tmp_path, tmp_path / "reconstruction.nc", "--gate-m", "0.02", "--gate-m", "0.01")
     assert code == 0, warned
@@ -68,9 +68,9 @@ def test_a_gate_can_be_given(scene: CrowdScene, run, tmp_path: Path) -> None:
     assert [each["gate_m"] for each in scores["clear"]] == [0.02, 0.01]
 
 
-def test_the_truth_is_perfect_at_any_size(scene: CrowdScene) -> None:
+def test_truth_has_perfect_scores_at_any_size(scene: CrowdScene) -> None:
     from posefuse.evaluation.paired_results import people_points
 
-    found = posefuse.score_people(people_points(scene.truth, scene.truth))
-    assert found.clear[0].mota == 1.0
-    assert np.isclose(found.mpjpe_mm, 0.0)
+    actual = posefuse.score_people(people_points(scene.truth, scene.truth))
+    assert actual.clear[0].mota == 1.0
+    assert np.isclose(actual.mpjpe_mm, 0.0)

@@ -48,7 +48,7 @@ def _other_cameras(folder: Path) -> None:
 BREAK: dict[str, tuple[Callable[[Path], object], str]] = {
     "no calibration": (lambda folder: (folder / "calibration.toml").unlink(), "No calibrations found in"),
     "cut short": (_cut_short, "is not a complete HDF5 file"),
-    "other cameras": (_other_cameras, "has no camera of its name"),
+    "other cameras": (_other_cameras, "matches no camera by name"),
     "no keypoints": (lambda folder: (folder / "keypoints.nc").unlink(), "No sets of 2D keypoints in"),
     "two calibrations": (
         lambda folder: shutil.copy(folder / "calibration.toml", folder / "another.toml"), "has 2 calibrations",
@@ -57,7 +57,7 @@ BREAK: dict[str, tuple[Callable[[Path], object], str]] = {
 
 
 def recordings(root: Path, n: int, broken: dict[int, str], seconds: float = 0.2) -> list[Path]:
-    """So many short recordings, some of them broken."""
+    """Write short recordings, some of them broken."""
     folders = []
     for i in range(n):
         made = simulate(SceneOptions(duration_s=seconds, cameras=3, detector=CLEAN, seed=i))
@@ -77,12 +77,12 @@ def rows_of(output: Path) -> dict[str, dict[str, str]]:
 
 
 def check_batch(run, tmp_path: Path, n: int, broken: dict[int, str], seconds: float = 0.2) -> Path:
-    """Everything but what is broken is there; what is broken is named with its reason."""
+    """All intact recordings are processed; broken ones are listed with a reason."""
     folders, output = recordings(tmp_path / "recs", n, broken, seconds), tmp_path / "out"
-    code, said, wrong = run("batch", *folders, "-o", output, "--jobs", "2", *FAST)
+    code, text, wrong = run("batch", *folders, "-o", output, "--jobs", "2", *FAST)
     assert code == 1
-    assert f"{n} recordings: {n - len(broken)} done, 0 kept (nothing changed), {len(broken)} failed" in said
-    assert all(len(line) <= 80 for line in said.splitlines() if str(output) not in line)
+    assert f"{n} recordings: {n - len(broken)} done, 0 kept (nothing changed), {len(broken)} failed" in text
+    assert all(len(line) <= 80 for line in text.splitlines() if str(output) not in line)
     rows = rows_of(output)
     assert {name for name, row in rows.items() if row["outcome"] == "failed"} == {f"rec_{i:03d}" for i in broken}
     for i, kind in broken.items():
@@ -96,7 +96,7 @@ def check_batch(run, tmp_path: Path, n: int, broken: dict[int, str], seconds: fl
     return output
 
 
-def test_eight_recordings_of_which_three_are_broken(run, tmp_path):
+def test_batch_completes_despite_three_broken_recordings(run, tmp_path):
     output = check_batch(run, tmp_path, 8, {2: "no calibration", 5: "cut short", 6: "other cameras"})
     page, table = (output / "batch.html").read_bytes(), (output / "batch.csv").read_bytes()
     result = (output / "rec_001" / "reconstruction.nc").read_bytes()
@@ -104,15 +104,15 @@ def test_eight_recordings_of_which_three_are_broken(run, tmp_path):
     shutil.copy(tmp_path / "recs" / "rec_003" / "calibration.toml", tmp_path / "recs" / "rec_002")
     (output / "rec_001" / "reconstruction.nc").unlink()
     folders = sorted((tmp_path / "recs").iterdir())[:4]
-    code, said, _ = run("batch", *folders, "-o", output, "--jobs", "1", *FAST)
+    code, text, _ = run("batch", *folders, "-o", output, "--jobs", "1", *FAST)
     assert code == 0
-    assert "4 recordings: 2 done, 2 kept (nothing changed), 0 failed" in said
+    assert "4 recordings: 2 done, 2 kept (nothing changed), 0 failed" in text
     assert (output / "rec_001" / "reconstruction.nc").read_bytes() == result
     assert (output / "batch.html").read_bytes() != page
     assert (output / "batch.csv").read_bytes() != table
 
 
-def test_an_interrupted_batch_resumes_within_a_recording(tmp_path, monkeypatch):
+def test_interrupted_batch_resumes_within_a_recording(tmp_path, monkeypatch):
     """Of 30 frames in chunks of 10, the third is not finished."""
     (folder,) = recordings(tmp_path / "recs", 1, {}, 1.0)
     options = Options(chunk_frames=10, solve="frame", pairs="labels")
@@ -135,7 +135,7 @@ def test_an_interrupted_batch_resumes_within_a_recording(tmp_path, monkeypatch):
     assert (tmp_path / "out" / "rec_000" / CHECKPOINT_FOLDER).is_dir()
     made.clear()
     assert state_of("out", ends=False) == "done"
-    # And once all is done, what the result is in, instead of them.
+    # After the last chunk, the result replaces the parts.
     assert made == ["measured_000002", "whole"]
     whole, out = (
         {
@@ -148,8 +148,8 @@ def test_an_interrupted_batch_resumes_within_a_recording(tmp_path, monkeypatch):
     assert out == whole
 
 
-def test_a_result_is_made_anew_when_timestamps_change(run, tmp_path):
-    """They say when frames were, and lie beside what is read."""
+def test_result_is_recomputed_if_timestamps_change(run, tmp_path):
+    """Timestamp files beside the keypoints are part of the input."""
     scene = simulate(SceneOptions(duration_s=1.0, cameras=3))
     folder = tmp_path / "recs" / "a"
     folder.mkdir(parents=True)
@@ -166,7 +166,7 @@ def test_a_result_is_made_anew_when_timestamps_change(run, tmp_path):
     assert "1 kept" in run(*command)[1]
 
 
-def test_what_changes_while_it_is_read_is_done_anew(tmp_path, monkeypatch):
+def test_recording_that_changes_while_it_is_read_is_recomputed(tmp_path, monkeypatch):
     (folder,) = recordings(tmp_path / "recs", 1, {}, 0.5)
     (job,) = jobs_of([folder], tmp_path / "out", None, Options(people="one"))
     calibration, reconstruct = folder / "calibration.toml", work.reconstruct_recording
@@ -187,7 +187,7 @@ def test_what_changes_while_it_is_read_is_done_anew(tmp_path, monkeypatch):
     assert run_job(job).state == "kept"
 
 
-def test_an_interrupted_batch_says_what_is_done(run, tmp_path, monkeypatch):
+def test_interrupted_batch_reports_completed_recordings(run, tmp_path, monkeypatch):
     folders = recordings(tmp_path / "recs", 2, {}, 0.5)
 
     def outcomes(todo: list[Job], *_: object) -> Iterator[JobResult]:
@@ -197,15 +197,15 @@ def test_an_interrupted_batch_says_what_is_done(run, tmp_path, monkeypatch):
     command = ("batch", *folders, "--output", tmp_path / "out", "--people", "one", "--jobs", 1)
     with monkeypatch.context() as patched:
         patched.setattr("posefuse.cli.batch._run", outcomes)
-        code, said, wrong = run(*command)
+        code, output, wrong = run(*command)
     assert code == 130
-    assert "2 recordings: 1 done, 0 kept (nothing changed), 0 failed, 1 not done" in said
+    assert "2 recordings: 1 done, 0 kept (nothing changed), 0 failed, 1 not done" in output
     assert "run the same command again for the rest" in " ".join(wrong.split())
     assert "rec_001,not done" in (tmp_path / "out" / "batch.csv").read_text()
     assert "1 done, 1 kept" in run(*command)[1]
 
 
-def test_two_batches_do_not_write_into_one_folder(run, tmp_path):
+def test_two_batches_do_not_write_to_one_folder(run, tmp_path):
     folders = recordings(tmp_path / "recs", 1, {}, 0.5)
     (tmp_path / "out").mkdir()
     with exclusive_folder(tmp_path / "out", tmp_path / "out"):
@@ -214,19 +214,19 @@ def test_two_batches_do_not_write_into_one_folder(run, tmp_path):
 
 
 @pytest.mark.long
-def test_two_hundred_recordings_of_which_five_are_broken(run, tmp_path):
+def test_batch_of_two_hundred_completes_despite_five_broken_recordings(run, tmp_path):
     output = check_batch(run, tmp_path, 200, dict(zip((3, 50, 51, 120, 199), BREAK, strict=True)), 2.0)
     before = {path.relative_to(output): path.read_bytes() for path in output.rglob("*") if path.is_file()}
     for name in ("rec_000", "rec_100", "rec_198"):
         shutil.rmtree(output / name)
-    code, said, _ = run("batch", *sorted((tmp_path / "recs").iterdir()), "-o", output, "--jobs", "2", *FAST)
+    code, text, _ = run("batch", *sorted((tmp_path / "recs").iterdir()), "-o", output, "--jobs", "2", *FAST)
     assert code == 1
-    assert "200 recordings: 3 done, 192 kept (nothing changed), 5 failed" in said
+    assert "200 recordings: 3 done, 192 kept (nothing changed), 5 failed" in text
     assert before == {path.relative_to(output): path.read_bytes() for path in output.rglob("*") if path.is_file()}
 
 
 @pytest.mark.long
-def test_on_a_cluster_of_which_a_worker_dies_results_are_the_same(run, tmp_path, monkeypatch):
+def test_cluster_gives_the_same_results_if_a_worker_dies(run, tmp_path, monkeypatch):
     distributed = pytest.importorskip("distributed", reason="Dask is not installed (extra cluster)")
     folders = recordings(tmp_path / "recs", 6, {1: "cut short"})
     assert run("batch", *folders, "-o", tmp_path / "here", "--jobs", "1", *FAST)[0] == 1
@@ -244,20 +244,20 @@ def test_on_a_cluster_of_which_a_worker_dies_results_are_the_same(run, tmp_path,
                 yield outcome
 
         monkeypatch.setattr(module, "on_cluster", killing)
-        code, said, _ = run(
+        code, output, _ = run(
             "batch", *folders, "-o", tmp_path / "there", "--scheduler", cluster.scheduler_address, *FAST
         )
     assert code == 1
-    assert "6 recordings: 5 done, 0 kept (nothing changed), 1 failed" in said
-    here, there = (
+    assert "6 recordings: 5 done, 0 kept (nothing changed), 1 failed" in output
+    here, other = (
         {path.relative_to(root): path.read_bytes() for path in root.rglob("*") if path.is_file()}
         for root in (tmp_path / "here", tmp_path / "there")
     )
-    assert here == there
+    assert here == other
 
 
 @pytest.mark.long
-def test_a_long_recording_is_divided_and_a_worker_that_dies_changes_nothing(run, tmp_path, monkeypatch):
+def test_divided_recording_gives_the_same_result_if_a_worker_dies(run, tmp_path, monkeypatch):
     distributed = pytest.importorskip("distributed", reason="Dask is not installed (extra cluster)")
     folders = recordings(tmp_path / "recs", 2, {})
     long = tmp_path / "recs" / "long"
@@ -265,8 +265,8 @@ def test_a_long_recording_is_divided_and_a_worker_that_dies_changes_nothing(run,
     scene = simulate_crowd(CrowdOptions("crowd", people=2, cameras=4, duration_s=12.0, seed=3))
     anipose.write(scene.rig, long / "calibration.toml")
     native.write(scene.detections, long / "keypoints.nc")
-    wanted = ("--people", "auto", "--tracker.forget-after-s", "0.5", "--noise-scale-px", "14", *FAST)
-    assert run("batch", *folders, long, "-o", tmp_path / "here", "--jobs", "1", *wanted)[0] == 0
+    expected = ("--people", "auto", "--tracker.forget-after-s", "0.5", "--noise-scale-px", "14", *FAST)
+    assert run("batch", *folders, long, "-o", tmp_path / "here", "--jobs", "1", *expected)[0] == 0
     from posefuse.batch import cluster as module
 
     usual = module.on_cluster
@@ -288,13 +288,13 @@ def test_a_long_recording_is_divided_and_a_worker_that_dies_changes_nothing(run,
                 return usual(work, jobs, address, kills)
 
             monkeypatch.setattr(module, "on_cluster", killing)
-            there = ("--scheduler", cluster.scheduler_address, "--window-s", "4", *wanted)
-            code, said, _ = run("batch", *folders, long, "-o", tmp_path / name, *there)
+            other = ("--scheduler", cluster.scheduler_address, "--window-s", "4", *expected)
+            code, output, _ = run("batch", *folders, long, "-o", tmp_path / name, *other)
             assert code == 0
             # A worker may die when it has just done a recording: that is then kept as it is.
-            assert "0 failed" in said if dies else "3 recordings: 3 done" in said
+            assert "0 failed" in output if dies else "3 recordings: 3 done" in output
             if not dies:
-                assert "0 done, 3 kept" in run("batch", *folders, long, "-o", tmp_path / name, *there)[1]
+                assert "0 done, 3 kept" in run("batch", *folders, long, "-o", tmp_path / name, *other)[1]
     quiet, killed = (
         {path.relative_to(root): path.read_bytes() for path in root.rglob("*") if path.is_file()}
         for root in (tmp_path / "quiet", tmp_path / "killed")
@@ -310,7 +310,7 @@ def test_a_long_recording_is_divided_and_a_worker_that_dies_changes_nothing(run,
 
 
 @pytest.mark.parametrize(
-    ("more", "code", "said"),
+    ("more", "code", "message"),
     [
         ((), 2, "No recording given"),
         (("x", "--window-s", "0"), 2, "--window-s must be more than 0"),
@@ -319,7 +319,7 @@ def test_a_long_recording_is_divided_and_a_worker_that_dies_changes_nothing(run,
         (("x", "--calibration", "nowhere.toml"), 1, "No calibration at nowhere.toml"),
     ],
 )
-def test_wrong_calls_are_answered(run, tmp_path, more, code, said):
-    found = run("batch", *more, "-o", tmp_path / "out")
-    assert (found[0], found[1]) == (code, "")
-    assert said in found[2]
+def test_invalid_arguments_are_reported(run, tmp_path, more, code, message):
+    actual = run("batch", *more, "-o", tmp_path / "out")
+    assert (actual[0], actual[1]) == (code, "")
+    assert message in actual[2]

@@ -1,4 +1,4 @@
-"""Blender and OpenSim themselves read what is written for them, where they are installed (``bpy``, ``opensim``)."""
+"""Blender and OpenSim read the exported files, if they are installed (``bpy``, ``opensim``)."""
 
 import numpy as np
 import pytest
@@ -37,15 +37,15 @@ class TestBlender:
     def places(self, bpy, names: list[str], frames: range) -> np.ndarray:
         """Shape (frame, joint, 3): heads of bones in Blender's world."""
         (armature,) = (each for each in bpy.data.objects if each.type == "ARMATURE")
-        found = []
+        actual = []
         for frame in frames:
             bpy.context.scene.frame_set(frame)
-            found.append([tuple(armature.matrix_world @ armature.pose.bones[name].head) for name in names])
-        return np.array(found)
+            actual.append([tuple(armature.matrix_world @ armature.pose.bones[name].head) for name in names])
+        return np.array(actual)
 
     @pytest.mark.parametrize("name", ["body_20", "coco_wholebody_133", "mouse_22"])
     @pytest.mark.parametrize("form", ["bvh", "glb", "gltf"])
-    def test_joints_are_where_the_model_layer_has_them_in_blenders_own_axes(self, bpy, form, name, tmp_path):
+    def test_joints_in_blender_match_the_model_layer(self, bpy, form, name, tmp_path):
         result = posed(name)
         path = tmp_path / f"a.{form}"
         if form == "bvh":
@@ -88,7 +88,7 @@ class TestOpenSim:
         model.finalizeConnections()
         return model
 
-    def test_tables_and_markers_are_read(self, osim, tmp_path):
+    def test_opensim_reads_tables_and_markers(self, osim, tmp_path):
         result = posed("halpe_26", away=(slice(0, 3), slice(20, 22)))
         opensim.write(result, result.person_ids, tmp_path / "o", "model")
         table = osim.TimeSeriesTableVec3(str(tmp_path / "o" / "person_1.trc"))
@@ -97,8 +97,8 @@ class TestOpenSim:
         names = opensim.marker_names(result.skeleton)
         x, y, z = result.layers["model"].points_m[5, 0, result.skeleton.index("left_knee")]
         column = list(table.getColumnLabels()).index(names["left_knee"])
-        found = table.getRowAtIndex(5)[column]
-        np.testing.assert_allclose([found[i] for i in range(3)], [y, z, x], atol=1e-6)
+        actual = table.getRowAtIndex(5)[column]
+        np.testing.assert_allclose([actual[i] for i in range(3)], [y, z, x], atol=1e-6)
         assert osim.MarkerSet(str(tmp_path / "o" / "markers.xml")).getSize() == 20
 
     def test_scaling_and_inverse_kinematics_run(self, osim, tmp_path, monkeypatch):

@@ -22,25 +22,25 @@ OUTPUTS = [
 ]  # fmt: skip
 
 
-def test_from_files_to_people(run, recording, tmp_path):
+def test_reconstruct_writes_a_result_of_files(run, recording, tmp_path):
     out = tmp_path / "out"
-    code, said, _ = run("reconstruct", recording, "--output", out, "--solve", "trajectory")
+    code, output, _ = run("reconstruct", recording, "--output", out, "--solve", "trajectory")
     assert code == 0
     assert sorted(entry.name for entry in out.iterdir()) == OUTPUTS
-    assert "30 frames at 30 Hz, 4 cameras, 26 keypoints" in said
-    assert "layer solved" in said
-    assert "% trajectory" in said
-    code, said, _ = run("evaluate", out, tmp_path / "truth.nc")
+    assert "30 frames at 30 Hz, 4 cameras, 26 keypoints" in output
+    assert "layer solved" in output
+    assert "% trajectory" in output
+    code, output, _ = run("evaluate", out, tmp_path / "truth.nc")
     assert code == 0
-    assert "mean error (MPJPE)" in said
+    assert "mean error (MPJPE)" in output
     numbers = json.loads((out / "evaluation.json").read_text())
     assert numbers["median_mm"] < 10
     assert trc.read(out / "person_1.trc").rate_hz == 30
     assert ezc3d.c3d(str(out / "person_1.c3d"))["parameters"]["POINT"]["RATE"]["value"][0] == 30
-    assert [line for line in said.splitlines() if len(line) > 80 and str(tmp_path) not in line] == []
+    assert [line for line in output.splitlines() if len(line) > 80 and str(tmp_path) not in line] == []
 
 
-def test_the_same_input_gives_the_same_bytes(run, recording, tmp_path):
+def test_same_input_gives_the_same_bytes(run, recording, tmp_path):
     for name in ("one", "two"):
         assert run("reconstruct", recording, "-o", tmp_path / name, "--solve", "trajectory")[0] == 0
     for output in OUTPUTS:
@@ -56,34 +56,34 @@ def test_running_again_replaces_the_result(run, recording, tmp_path):
     assert posefuse.read_reconstruction(out / "reconstruction.nc").n_frames == 15
 
 
-def test_evaluate_against_a_trc(run, recording, tmp_path):
+def test_evaluate_accepts_a_trc_as_truth(run, recording, tmp_path):
     out = tmp_path / "out"
     run("reconstruct", recording, "-o", out)
     posefuse.write(posefuse.read_reconstruction(tmp_path / "truth.nc"), tmp_path / "truth.trc")
-    code, said, _ = run("evaluate", out, tmp_path / "truth.trc", "--json", tmp_path / "numbers.json")
+    code, output, _ = run("evaluate", out, tmp_path / "truth.trc", "--json", tmp_path / "numbers.json")
     assert code == 0
-    assert "against the ground truth, by order: 30 frames" in said
+    assert "against the ground truth, by order: 30 frames" in output
     from_trc = json.loads((tmp_path / "numbers.json").read_text())
     run("evaluate", out, tmp_path / "truth.nc")
     from_nc = json.loads((out / "evaluation.json").read_text())
     assert from_trc["mpjpe_mm"] == pytest.approx(from_nc["mpjpe_mm"], abs=1e-3)
 
 
-def test_options_from_a_file_and_a_flag_that_beats_it(run, recording, tmp_path):
+def test_flag_overrides_the_options_file(run, recording, tmp_path):
     path = tmp_path / "options.toml"
     path.write_text("end_s = 0.5\n[triangulation]\nmin_views = 4\n")
     assert run("--options", path, "reconstruct", recording, "-o", tmp_path / "a")[0] == 0
-    found = posefuse.read_reconstruction(tmp_path / "a" / "reconstruction.nc")
-    assert (found.n_frames, found.options.triangulation.min_views) == (15, 4)
+    result = posefuse.read_reconstruction(tmp_path / "a" / "reconstruction.nc")
+    assert (result.n_frames, result.options.triangulation.min_views) == (15, 4)
     flags = ["--triangulation.min-views", "2"]
     assert run("--options", path, "reconstruct", recording, "-o", tmp_path / "b", *flags)[0] == 0
-    found = posefuse.read_reconstruction(tmp_path / "b" / "reconstruction.nc")
-    assert (found.n_frames, found.options.triangulation.min_views) == (15, 2)
+    result = posefuse.read_reconstruction(tmp_path / "b" / "reconstruction.nc")
+    assert (result.n_frames, result.options.triangulation.min_views) == (15, 2)
     assert run("reconstruct", recording, "-o", tmp_path / "c", "--options", path)[0] == 0
     assert posefuse.read_reconstruction(tmp_path / "c" / "reconstruction.nc").n_frames == 15
 
 
-def test_choosing_cameras(run, recording, tmp_path):
+def test_cameras_can_be_selected(run, recording, tmp_path):
     assert run("reconstruct", recording, "-o", tmp_path / "a", "--cameras", "cam_3", "cam_0", "cam_1")[0] == 0
     assert posefuse.read_reconstruction(tmp_path / "a" / "reconstruction.nc").rig.names == ("cam_3", "cam_0", "cam_1")
     assert run("reconstruct", recording, "-o", tmp_path / "b", "--exclude-camera", "cam_2")[0] == 0
@@ -109,17 +109,17 @@ def test_init_writes_every_option_once(run, tmp_path):
     path = tmp_path / "posefuse.toml"
     assert run("init", path)[0] == 0
     assert "[triangulation]" in path.read_text()
-    code, _, said = run("init", path)
+    code, _, output = run("init", path)
     assert code == 1
-    assert "exists already" in said
+    assert "exists already" in output
 
 
 def test_simulate_and_report(run, tmp_path):
     folder = tmp_path / "scene"
     flags = ["--duration-s", "0.5", "--cameras", "3", "--lens", "barrel", "--detector.noise", "gaussian"]
-    code, said, _ = run("simulate", "-o", folder, *flags)
+    code, output, _ = run("simulate", "-o", folder, *flags)
     assert code == 0
-    assert "15 frames at 30 Hz, 3 cameras, 26 keypoints" in said
+    assert "15 frames at 30 Hz, 3 cameras, 26 keypoints" in output
     assert sorted(entry.name for entry in folder.iterdir()) == ["calibration.toml", "keypoints.nc", "truth.nc"]
     assert run("reconstruct", folder, "-o", tmp_path / "out")[0] == 0
     assert run("report", tmp_path / "out", "--truth", folder / "truth.nc", "-o", tmp_path / "page.html")[0] == 0
@@ -127,38 +127,38 @@ def test_simulate_and_report(run, tmp_path):
 
 
 def test_demo(run, tmp_path):
-    code, said, _ = run("demo", "-o", tmp_path / "demo")
+    code, output, _ = run("demo", "-o", tmp_path / "demo")
     assert code == 0
-    assert "The report: file://" in said
+    assert "The report: file://" in output
     assert "Comparison with the ground truth" in (tmp_path / "demo" / "result" / "report.html").read_text()
 
 
 def test_inspect(run, recording, tmp_path, clean_scene):
-    code, said, _ = run("inspect", recording)
+    code, output, _ = run("inspect", recording)
     assert code == 0
     for words in ("(anipose)", "up axis z", "(posefuse)", "skeleton halpe_26", "30 Hz", "4 views match 4 cameras"):
-        assert words in said
+        assert words in output
     (recording / "old.toml").write_text("[cam_0]\nmatrix = 3\n")
-    code, said, _ = run("inspect", recording)
+    code, output, _ = run("inspect", recording)
     assert code == 0
-    assert "cannot be read" in said
-    code, _, said = run("inspect", tmp_path / "recording" / "..")
+    assert "cannot be read" in output
+    code, _, output = run("inspect", tmp_path / "recording" / "..")
     assert code == 0
 
 
-def test_lists(run):
+def test_formats_and_methods_are_listed(run):
     assert "consensus (default)" in run("methods")[1]
     assert "openpose (read and written)" in run("formats")[1]
 
 
-def test_a_flag_may_have_a_value_with_a_hyphen(run, recording, tmp_path):
-    code, _, said = run("reconstruct", recording, "-o", tmp_path / "o", "--up", "-y")
+def test_flag_value_may_start_with_a_hyphen(run, recording, tmp_path):
+    code, _, output = run("reconstruct", recording, "-o", tmp_path / "o", "--up", "-y")
     assert code == 0
-    assert "or up is not -y" in " ".join(said.split())  # which it is not
+    assert "or up is not -y" in " ".join(output.split())  # which it is not
     assert posefuse.read_reconstruction(tmp_path / "o" / "reconstruction.nc").rig.up_axis == "-y"
 
 
-def test_a_reader_who_leaves_early_does_not_cost_the_result(recording, tmp_path):
+def test_closed_output_pipe_does_not_lose_the_result(recording, tmp_path):
     code = "import sys; from posefuse.cli.main import main; main(sys.argv[1:])"
     command = (
         f'"{sys.executable}" -c "{code}" reconstruct "{recording}" -o "{tmp_path / "o"}" --solve trajectory | true'
@@ -167,28 +167,28 @@ def test_a_reader_who_leaves_early_does_not_cost_the_result(recording, tmp_path)
     assert sorted(entry.name for entry in (tmp_path / "o").iterdir()) == OUTPUTS
 
 
-def test_one_camera_is_said_to_be_one(run, recording, tmp_path):
-    code, said, _ = run("reconstruct", recording, "-o", tmp_path / "o", "--cameras", "cam_1")
+def test_single_camera_result_is_labeled(run, recording, tmp_path):
+    code, output, _ = run("reconstruct", recording, "-o", tmp_path / "o", "--cameras", "cam_1")
     assert code == 0
-    assert "1 camera," in said
-    assert "coordinates are pixels" in said
+    assert "1 camera," in output
+    assert "coordinates are pixels" in output
     assert "person_1.c3d" not in [entry.name for entry in (tmp_path / "o").iterdir()]
-    code, _, said = run("evaluate", tmp_path / "o", tmp_path / "truth.nc")
+    code, _, output = run("evaluate", tmp_path / "o", tmp_path / "truth.nc")
     assert code == 1
-    assert "The result is in px" in said
+    assert "The result is in px" in output
     layer = posefuse.read_reconstruction(tmp_path / "o" / "reconstruction.nc").layers["measured"]
     points = trc.read(tmp_path / "o" / "person_1.trc").points_m
     np.testing.assert_allclose(points, layer.points_m[:, 0], atol=1e-5)
 
 
-def test_views_given_other_cameras_are_noticed(run, recording, tmp_path):
+def test_views_matched_to_wrong_cameras_are_reported(run, recording, tmp_path):
     order = ["cam_1", "cam_0", "cam_2", "cam_3"]
-    code, _, said = run("reconstruct", recording, "-o", tmp_path / "o", "--camera-order", *order)
+    code, _, output = run("reconstruct", recording, "-o", tmp_path / "o", "--camera-order", *order)
     assert code == 0
-    assert "The views do not agree" in said
+    assert "The views do not agree" in output
 
 
-def test_the_place_of_a_skeleton_file_is_not_written(run, recording, tmp_path):
+def test_path_of_a_skeleton_file_is_not_stored(run, recording, tmp_path):
     from posefuse.skeleton.skeletons import find_skeleton
 
     names = find_skeleton("halpe_26").keypoints
@@ -199,25 +199,25 @@ def test_the_place_of_a_skeleton_file_is_not_written(run, recording, tmp_path):
 
 
 class TestBadInput:
-    """Each gets one sentence: what, where, expected and got, what to do; and nothing half-written stays."""
+    """Each invalid input gives one sentence with fault, location and remedy, and leaves no partial files."""
 
     @pytest.fixture
     def refused(self, run, tmp_path):
         def check(*arguments: object, words: list[str], code: int = 1) -> None:
             before = sorted(tmp_path.rglob("*"))
-            found, _, said = run(*arguments)
-            assert found == code
+            actual, _, output = run(*arguments)
+            assert actual == code
             for word in words:
-                assert word in said, said
-            assert "Traceback" not in said
+                assert word in output, output
+            assert "Traceback" not in output
             assert sorted(tmp_path.rglob("*")) == before
 
         return check
 
-    def test_wrong_folder(self, refused, tmp_path):
+    def test_missing_folder(self, refused, tmp_path):
         refused("reconstruct", tmp_path / "nowhere", "-o", tmp_path / "o", words=["No recording at", "nowhere"])
 
-    def test_places_that_cannot_be_written(self, refused, recording, tmp_path):
+    def test_unwritable_output(self, refused, recording, tmp_path):
         (tmp_path / "file").write_text("mine")
         (tmp_path / "folder").mkdir()
         for place in (tmp_path / "file" / "x", tmp_path / "file"):
@@ -244,12 +244,12 @@ class TestBadInput:
     def test_cameras_of_other_names(self, refused, recording, tmp_path):
         text = (recording / "calibration.toml").read_text()
         (recording / "calibration.toml").write_text(re.sub(r'name = "cam_(\d)"', r'name = "gopro \1"', text))
-        words = ["View 'cam_0' has no camera of its name", "gopro 0", "--camera-order"]
+        words = ["View 'cam_0' matches no camera by name", "gopro 0", "--camera-order"]
         refused("reconstruct", recording, "-o", tmp_path / "o", words=words)
 
     def test_fewer_cameras_than_views(self, refused, recording, tmp_path, clean_scene):
         anipose.write(clean_scene.rig.select(["cam_0", "cam_1", "cam_2"]), recording / "calibration.toml")
-        refused("reconstruct", recording, "-o", tmp_path / "o", words=["View 'cam_3' has no camera of its name"])
+        refused("reconstruct", recording, "-o", tmp_path / "o", words=["View 'cam_3' matches no camera by name"])
 
     def test_truncated_json(self, refused, recording, tmp_path, clean_scene):
         (recording / "keypoints.nc").unlink()
@@ -285,11 +285,17 @@ class TestBadInput:
         arguments = ["-o", tmp_path / "o", "--calibration", path]
         refused("reconstruct", recording, *arguments, words=words)
 
-    def test_a_matrix_that_is_no_rotation(self, refused, recording, tmp_path, clean_scene):
+    def test_invalid_rotation_matrix(self, refused, recording, tmp_path, clean_scene):
         text = anipose_toml(clean_scene.rig)
         line = next(line for line in text.splitlines() if line.startswith("rotation"))
         (recording / "calibration.toml").write_text(text.replace(line, "rotation = [[2, 0, 0], [0, 1, 0], [0, 0, 1]]"))
-        refused("reconstruct", recording, "-o", tmp_path / "o", words=["'cam_0'", "the rotation is not one"])
+        refused(
+            "reconstruct",
+            recording,
+            "-o",
+            tmp_path / "o",
+            words=["'cam_0'", "the rotation matrix is not a proper rotation"],
+        )
 
     def test_several_people(self, refused, recording, tmp_path, clean_scene):
         (recording / "keypoints.nc").unlink()
@@ -301,14 +307,14 @@ class TestBadInput:
         words = ["View 'cam_2_json' shows 2 people in frame 7", "--pick largest"]
         refused("reconstruct", recording, "-o", tmp_path / "o", "--people", "one", "--rate-hz", "30", words=words)
 
-    def test_a_skeleton_of_other_keypoints(self, refused, recording, tmp_path, clean_scene):
+    def test_skeleton_with_other_keypoints(self, refused, recording, tmp_path, clean_scene):
         (recording / "keypoints.nc").unlink()
         write_openpose(recording / "pose", clean_scene.detections)
         arguments = ["--rate-hz", "30", "--skeleton", "coco_17"]
-        words = ["has 26 keypoints per person, skeleton coco_17 has 17"]
+        words = ["has 26 keypoints per person, but skeleton coco_17 has 17"]
         refused("reconstruct", recording, "-o", tmp_path / "o", *arguments, words=words)
 
-    def test_an_output_that_is_something_else(self, refused, recording, tmp_path):
+    def test_output_that_is_not_a_result(self, refused, recording, tmp_path):
         refused("reconstruct", recording, "-o", recording, words=["already contains other files", "empty folder"])
 
     @pytest.mark.parametrize(
@@ -326,7 +332,7 @@ class TestBadInput:
     def test_wrong_flags(self, arguments, words, refused, recording, tmp_path):
         refused("reconstruct", recording, "-o", tmp_path / "o", *arguments, words=words, code=2)
 
-    def test_wrong_keys_in_a_file(self, refused, recording, tmp_path):
+    def test_unknown_keys_in_the_options_file(self, refused, recording, tmp_path):
         path = tmp_path / "options.toml"
         path.write_text("[triangulation]\nmin_vews = 3\n")
         words = ["options.toml: unknown option 'triangulation.min_vews'", "Did you mean 'triangulation.min_views'"]
@@ -338,7 +344,7 @@ class TestBadInput:
 
 
 def test_detections_outside_the_image_are_used(run, recording, tmp_path, clean_scene):
-    """Some detectors extrapolate beyond the edge; a keypoint there is an observation like any other."""
+    """Some detectors extrapolate beyond the edge; such keypoints are valid observations."""
     keypoints = np.array(clean_scene.detections.dense()[0])
     keypoints[:, 0] += [5000.0, 0.0]
     from posefuse.model.detections import Detections
@@ -366,14 +372,14 @@ def test_help_starts_no_compiler(arguments, tmp_path):
         "print('numba' in sys.modules)"
     )
     environment = {**os.environ, "COLUMNS": "80"}
-    found = subprocess.run(
+    actual = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True, env=environment
     ).stdout
-    assert found.strip().endswith("False")
-    assert all(len(line) <= 80 for line in found.splitlines())
+    assert actual.strip().endswith("False")
+    assert all(len(line) <= 80 for line in actual.splitlines())
 
 
-def test_every_public_name_is_there():
+def test_every_public_name_exists():
     for name in dir(posefuse):
         assert getattr(posefuse, name) is not None
     with pytest.raises(AttributeError, match="no attribute 'recontruct'"):

@@ -38,18 +38,18 @@ def files_in(folder):
     return sorted(entry.relative_to(folder).as_posix() for entry in folder.rglob("*") if entry.is_file())
 
 
-def test_a_table_and_three_files(run, ugly_recording, tmp_path, ugly_scene, monkeypatch):
+def test_compare_prints_a_table_and_writes_three_files(run, ugly_recording, tmp_path, ugly_scene, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     posefuse.write(ugly_scene.truth, tmp_path / "truth.nc")
     out = tmp_path / "out"
-    code, said, warned = run("compare", ugly_recording, "-o", out, "--truth", tmp_path / "truth.nc")
+    code, output, warned = run("compare", ugly_recording, "-o", out, "--truth", tmp_path / "truth.nc")
     assert (code, warned) == (0, "")
     assert files_in(out) == FILES
-    assert all(len(line) <= 80 for line in said.splitlines() if not line.startswith("to /"))
-    said = " ".join(said.split())
+    assert all(len(line) <= 80 for line in output.splitlines() if not line.startswith("to /"))
+    output = " ".join(output.split())
     for words in ("30 frames at 30 Hz, 4 cameras, 26 keypoints", "it favors methods that reject views",
                   "infinitely large", "CPU: triangulation only", "Against the truth", *METHODS):  # fmt: skip
-        assert words in said
+        assert words in output
     rows = rows_of(out)
     assert list(rows) == list(METHODS)
     for row in rows.values():
@@ -61,7 +61,7 @@ def test_a_table_and_three_files(run, ugly_recording, tmp_path, ugly_scene, monk
     assert (rows["simple"]["min_views"], rows["consensus"]["min_views"]) == ("3", "2")
 
 
-def test_the_numbers_are_those_of_reconstruct_and_evaluate(run, ugly_recording, tmp_path, ugly_scene):
+def test_numbers_equal_those_of_reconstruct_and_evaluate(run, ugly_recording, tmp_path, ugly_scene):
     posefuse.write(ugly_scene.truth, tmp_path / "truth.nc")
     run("compare", ugly_recording, "-o", tmp_path / "out", "--methods", "simple", "--truth", tmp_path / "truth.nc")
     row = rows_of(tmp_path / "out")["simple"]
@@ -74,7 +74,7 @@ def test_the_numbers_are_those_of_reconstruct_and_evaluate(run, ugly_recording, 
     assert float(row["median_error_against_truth_mm"]) == pytest.approx(np.nanmedian(distance_mm), rel=1e-5)
 
 
-def test_the_same_bytes_but_for_the_time(run, ugly_recording, tmp_path):
+def test_output_is_reproducible_except_for_run_times(run, ugly_recording, tmp_path):
     for name in ("one", "two"):
         arguments = ["-o", tmp_path / name, "--methods", "consensus,simple", "--no-timing"]
         assert run("compare", ugly_recording, *arguments)[0] == 0
@@ -91,7 +91,7 @@ def test_the_same_bytes_but_for_the_time(run, ugly_recording, tmp_path):
         assert row == untimed[method]
 
 
-def test_another_process_draws_the_same(run, ugly_recording, tmp_path):
+def test_figures_are_equal_in_another_process(run, ugly_recording, tmp_path):
     arguments = ["compare", str(ugly_recording), "--methods", "simple", "--no-timing", "-o"]
     run(*arguments, tmp_path / "one")
     program = "import sys; from posefuse.cli.main import main; main(sys.argv[1:])"
@@ -100,77 +100,77 @@ def test_another_process_draws_the_same(run, ugly_recording, tmp_path):
         assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes(), file
 
 
-def test_without_a_rate_there_is_no_jitter(run, ugly_recording, tmp_path, ugly_scene):
+def test_recording_without_rate_is_compared(run, ugly_recording, tmp_path, ugly_scene):
     keypoints, confidence = (np.moveaxis(array, 1, 0) for array in ugly_scene.detections.dense())
     (ugly_recording / "keypoints.nc").unlink()
     np.savez(ugly_recording / "points.npz", keypoints=keypoints, confidence=confidence, names=ugly_scene.rig.names)
-    code, said, _ = run("compare", ugly_recording, "-o", tmp_path / "out", "--methods", "consensus,simple")
+    code, output, _ = run("compare", ugly_recording, "-o", tmp_path / "out", "--methods", "consensus,simple")
     assert code == 0
-    assert "jitter" not in said
+    assert "jitter" not in output
     assert "median_acceleration_m_per_s2" not in rows_of(tmp_path / "out")["simple"]
 
 
-def test_a_method_with_nothing_to_do_says_so(run, ugly_recording, tmp_path):
+def test_method_without_effect_gives_a_note(run, ugly_recording, tmp_path):
     cameras = ["--cameras", "cam_0", "cam_1", "cam_2"]
-    code, said, _ = run("compare", ugly_recording, "-o", tmp_path / "out", *cameras)
-    said = " ".join(said.split())
+    code, output, _ = run("compare", ugly_recording, "-o", tmp_path / "out", *cameras)
+    output = " ".join(output.split())
     assert code == 0
-    assert said.count("weighted_subsets drops no camera: min_views is 3 and the rig has 3 cameras") == 1
-    assert said.count("percentile_filter does not run: min_views is 3 and the rig has 3 cameras") == 1
-    code, said, _ = run(
+    assert output.count("weighted_subsets drops no camera: min_views is 3 and the rig has 3 cameras") == 1
+    assert output.count("percentile_filter does not run: min_views is 3 and the rig has 3 cameras") == 1
+    code, output, _ = run(
         "reconstruct", ugly_recording, "-o", tmp_path / "o", "--triangulation.method", "weighted_subsets", *cameras
     )
-    assert " ".join(said.split()).count("weighted_subsets drops no camera") == 1
+    assert " ".join(output.split()).count("weighted_subsets drops no camera") == 1
 
 
 class TestRefused:
-    """What, where, what there is and what to do; nothing half-written stays."""
+    """Errors name fault, location, valid choices and remedy, and leave no partial files."""
 
     @pytest.fixture
     def refused(self, run, recording, tmp_path):
         def check(*arguments: object, words: list[str], code: int = 1) -> None:
             before = sorted(tmp_path.rglob("*"))
-            found, _, said = run("compare", recording, *arguments)
-            assert found == code
+            actual, _, output = run("compare", recording, *arguments)
+            assert actual == code
             for word in words:
-                assert word in said, said
+                assert word in output, output
             assert sorted(tmp_path.rglob("*")) == before
 
         return check
 
-    def test_a_wrong_name(self, refused, tmp_path):
+    def test_misspelled_method_gets_a_suggestion(self, refused, tmp_path):
         words = ["no method 'simpel'", "Did you mean 'simple'?", "There are: consensus, simple, weighted_subsets"]
         refused("-o", tmp_path / "o", "--methods", "consensus,simpel", words=words, code=2)
 
-    def test_a_name_like_none(self, refused, tmp_path):
+    def test_unknown_method_lists_the_valid_ones(self, refused, tmp_path):
         words = ["no method 'dlt-svd'", "Choose one of: consensus, simple"]
         refused("-o", tmp_path / "o", "--methods", "dlt-svd", words=words, code=2)
 
-    def test_one_camera(self, refused, tmp_path):
+    def test_single_camera(self, refused, tmp_path):
         refused("--cameras", "cam_1", "-o", tmp_path / "o", words=["There is one camera", "needs two or more"])
 
     def test_no_truth(self, refused, tmp_path):
         refused("-o", tmp_path / "o", "--truth", tmp_path / "nowhere.nc", words=["No truth at", "nowhere.nc"])
 
-    def test_an_output_that_is_something_else(self, refused, recording):
+    def test_output_that_is_not_a_result(self, refused, recording):
         refused("-o", recording, words=["already contains other files"])
 
 
 class TestFilterFigure:
-    def test_written_for_that_method_only(self, run, ugly_recording, tmp_path):
+    def test_figure_is_written_only_for_the_percentile_filter(self, run, ugly_recording, tmp_path):
         out = tmp_path / "out"
-        code, said, _ = run("reconstruct", ugly_recording, "-o", out, "--triangulation.method", "percentile_filter")
+        code, output, _ = run("reconstruct", ugly_recording, "-o", out, "--triangulation.method", "percentile_filter")
         assert code == 0
-        assert FIGURE in said
+        assert FIGURE in output
         assert (out / FIGURE).read_bytes().startswith(b"\x89PNG")
         first = (out / FIGURE).read_bytes()
         run("reconstruct", ugly_recording, "-o", out, "--triangulation.method", "percentile_filter")
         assert (out / FIGURE).read_bytes() == first
-        code, said, _ = run("reconstruct", ugly_recording, "-o", out)
-        assert FIGURE not in said
+        code, output, _ = run("reconstruct", ugly_recording, "-o", out)
+        assert FIGURE not in output
         assert not (out / "debug").exists()
 
-    def test_files_of_others_beside_it_stay(self, run, ugly_recording, tmp_path):
+    def test_other_files_in_the_folder_are_kept(self, run, ugly_recording, tmp_path):
         out = tmp_path / "out"
         run("reconstruct", ugly_recording, "-o", out, "--triangulation.method", "percentile_filter")
         (out / "debug" / "notes.txt").write_text("mine")
@@ -179,9 +179,9 @@ class TestFilterFigure:
         run("reconstruct", ugly_recording, "-o", out)
         assert [entry.name for entry in (out / "debug").iterdir()] == ["notes.txt"]
 
-    def test_not_written_where_nothing_is_filtered(self, run, ugly_recording, tmp_path):
+    def test_no_figure_if_nothing_is_filtered(self, run, ugly_recording, tmp_path):
         few = ["--cameras", "cam_0", "cam_1", "cam_2", "--triangulation.method", "percentile_filter"]
-        code, said, _ = run("reconstruct", ugly_recording, "-o", tmp_path / "out", *few)
+        code, output, _ = run("reconstruct", ugly_recording, "-o", tmp_path / "out", *few)
         assert code == 0
-        assert "percentile_filter does not run" in said
+        assert "percentile_filter does not run" in output
         assert FIGURE not in files_in(tmp_path / "out")

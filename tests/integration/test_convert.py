@@ -1,4 +1,4 @@
-"""``posefuse convert``: there and back again, and what it says."""
+"""``posefuse convert``: round trips and messages."""
 
 import numpy as np
 import pytest
@@ -18,20 +18,20 @@ def records(tmp_path):
     return WRITERS["payload_lines"](SCENE.detections, tmp_path / "in")
 
 
-def test_records_become_replays_of_body_20(records, tmp_path, capsys):
+def test_records_are_converted_to_replays_of_body_20(records, tmp_path, capsys):
     out = tmp_path / "replay.jsonl"
     main(["convert", str(records), str(out), "--onto", "body_20"])
-    found = read_detections(out)
-    assert found.skeleton.name == "body_20"
-    wanted = SCENE.detections.to_skeleton(found.skeleton)
-    hip = found.skeleton.index("mid_hip")
-    np.testing.assert_allclose(np.asarray(found.keypoints_px)[:, hip], np.asarray(wanted.keypoints_px)[:, hip])
-    said = capsys.readouterr().out
-    assert "skeleton body_20" in said
-    assert all(len(line) <= 80 for line in said.splitlines() if "/" not in line)
+    read = read_detections(out)
+    assert read.skeleton.name == "body_20"
+    detections = SCENE.detections.to_skeleton(read.skeleton)
+    hip = read.skeleton.index("mid_hip")
+    np.testing.assert_allclose(np.asarray(read.keypoints_px)[:, hip], np.asarray(detections.keypoints_px)[:, hip])
+    output = capsys.readouterr().out
+    assert "skeleton body_20" in output
+    assert all(len(line) <= 80 for line in output.splitlines() if "/" not in line)
 
 
-def test_there_and_back_by_way_of_every_written_format(records, tmp_path):
+def test_every_written_format_converts_back(records, tmp_path):
     before = tmp_path / "start.nc"
     main(["convert", str(records), str(before)])
     places = [("a.csv", None), ("b.parquet", None), ("c.jsonl", None), ("d", "detection_tables"), ("e.nc", None)]
@@ -46,13 +46,13 @@ def test_there_and_back_by_way_of_every_written_format(records, tmp_path):
 def test_calibrations(tmp_path):
     (tmp_path / "Calib.qca.txt").write_text(qualisys_xml(SCENE.rig))
     main(["convert", str(tmp_path / "Calib.qca.txt"), str(tmp_path / "calibration.toml")])
-    found, given = read_cameras(tmp_path / "calibration.toml"), read_cameras(tmp_path / "Calib.qca.txt")
-    for a, b in zip(found.cameras, given.cameras, strict=True):
+    rig, original = read_cameras(tmp_path / "calibration.toml"), read_cameras(tmp_path / "Calib.qca.txt")
+    for a, b in zip(rig.cameras, original.cameras, strict=True):
         np.testing.assert_allclose(a.camera_from_world, b.camera_from_world, atol=1e-9)
 
 
 @pytest.mark.parametrize(
-    ("output", "flags", "code", "said"),
+    ("output", "flags", "code", "message"),
     [
         ("x.xyz", [], 2, "Add --to"),
         ("x.csv", ["--to", "opnpose"], 2, "Did you mean 'openpose'"),
@@ -61,11 +61,11 @@ def test_calibrations(tmp_path):
         ("x.csv", ["--onto", "fly_38"], 2, "none of its keypoints can be derived"),
     ],
 )
-def test_wrong_calls_say_what_to_do_and_write_nothing(records, tmp_path, capsys, output, flags, code, said):
+def test_invalid_arguments_have_a_remedy_and_write_nothing(records, tmp_path, capsys, output, flags, code, message):
     before = records.read_bytes()
     with pytest.raises(SystemExit) as stopped:
         main(["convert", str(records), str(tmp_path / output), *flags])
     assert stopped.value.code == code
-    assert said in " ".join(capsys.readouterr().err.split())
+    assert message in " ".join(capsys.readouterr().err.split())
     assert records.read_bytes() == before
     assert [entry.name for entry in tmp_path.iterdir()] == ["in"]

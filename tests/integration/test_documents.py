@@ -19,6 +19,7 @@ from posefuse.model.options.catalog import options_by_name
 from posefuse.model.options.options import Options
 from posefuse.model.options.triangulation import METHODS
 from posefuse.model.status import PointStatus, ViewStatus
+from posefuse.report.plots.registry import PLOT_NAMES
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
@@ -77,6 +78,15 @@ def test_every_status_method_and_format_is_documented() -> None:
     formats = (ROOT / "docs" / "formats.md").read_text().lower()
     named = {form.name for form in (*CALIBRATIONS, *KEYPOINTS, *RESULTS)} - {"netcdf"}
     assert {name for name in named if name not in formats} == set()
+    report = (ROOT / "docs" / "report.md").read_text()
+    assert [name for name in PLOT_NAMES if f"| `{name}` |" not in report] == []
+
+
+def test_contributing_names_existing_files() -> None:
+    quoted = re.findall(r"`([\w/.]+\.(?:py|md|toml|json|html|js)|[\w/.]+/)`", (ROOT / "CONTRIBUTING.md").read_text())
+    roots = (ROOT, ROOT / "src" / "posefuse")
+    assert len(quoted) > 30
+    assert [path for path in quoted if not any((root / path).exists() for root in roots)] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 import posefuse
-from tests.unit.evaluation.test_people import crowd, result_of
+from tests.unit.evaluation.test_people import drifting_people, result_of
 
 
 @pytest.fixture
 def files(tmp_path):
-    """Three people, of whom the result has two exchange names halfway, and a fourth who is nobody."""
+    """Return three people, two of whom swap names halfway in the result, and a false fourth one."""
     rng = np.random.default_rng(7)
-    truth = crowd(rng, 50, 3)
+    truth = drifting_people(rng, 50, 3)
     points = np.concatenate([truth, truth[:, :1] + np.array([0.0, 30.0, 0.0])], axis=1)
     points[25:, :2] = truth[25:, 1::-1]
     points += 0.01 * rng.normal(size=points.shape)
@@ -24,13 +24,13 @@ def files(tmp_path):
     return tmp_path
 
 
-def test_a_table_and_numbers(run, files, monkeypatch):
+def test_evaluate_prints_a_table_and_writes_numbers(run, files, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    code, said, warned = run("evaluate", files, files / "truth.nc", "--head-rule", "campus", "--entry-s", "0.2")
+    code, output, warned = run("evaluate", files, files / "truth.nc", "--head-rule", "campus", "--entry-s", "0.2")
     assert (code, warned) == (0, "")
-    assert "50 frames, 17 keypoints, 4 people for 3" in " ".join(said.split())
-    assert [line for line in said.splitlines() if len(line) > 80 and str(files) not in line] == []
-    assert "recall from 0.2 s after entries" in said
+    assert "50 frames, 17 keypoints, 4 people for 3" in " ".join(output.split())
+    assert [line for line in output.splitlines() if len(line) > 80 and str(files) not in line] == []
+    assert "recall from 0.2 s after entries" in output
     numbers = json.loads((files / "evaluation.json").read_text())
     assert numbers["clear"][0]["switches"] == 2
     assert numbers["clear"][0]["mota"] == pytest.approx(1 - (12 + 2) / 150)
@@ -40,32 +40,32 @@ def test_a_table_and_numbers(run, files, monkeypatch):
     assert numbers["nees"]["mean"] == pytest.approx(3, rel=0.1)
 
 
-def test_numbers_that_cannot_be_had(run, files):
+def test_unavailable_scores_have_a_reason(run, files):
     truth = posefuse.read_reconstruction(files / "truth.nc")
     away = replace(truth.layers["measured"], points_m=np.asarray(truth.layers["measured"].points_m[:]) + 90.0)
     posefuse.write(replace(truth, layers={"measured": away}), files / "away.nc")
-    code, said, _ = run("evaluate", files / "away.nc", files / "truth.nc", "--json", files / "numbers.json")
+    code, output, _ = run("evaluate", files / "away.nc", files / "truth.nc", "--json", files / "numbers.json")
     assert code == 0
-    assert "- no person is matched within 0.5 m" in said
+    assert "- no person is matched within 0.5 m" in output
     numbers = json.loads((files / "numbers.json").read_text())
     assert numbers["mpjpe_mm"] is None
     assert numbers["undefined"]["mpjpe_mm"] == "no person is matched within 0.5 m"
 
 
 @pytest.mark.parametrize("ending", ["trc", "c3d"])
-def test_one_file_a_person(ending, run, files):
+def test_evaluate_accepts_one_file_per_person(ending, run, files):
     truth = posefuse.read_reconstruction(files / "truth.nc")
     for p, name in enumerate(("anna", "otto")):
         layer = truth.layers["measured"]
         one = {field: np.asarray(getattr(layer, field))[:, p : p + 1] for field in vars(layer)}
         single = replace(truth, person_ids=(name,), layers={"measured": replace(layer, **one)})
         posefuse.write(single, files / f"{name}.{ending}")
-    code, said, _ = run("evaluate", files, files / f"anna.{ending}", files / f"otto.{ending}")
+    code, output, _ = run("evaluate", files, files / f"anna.{ending}", files / f"otto.{ending}")
     assert code == 0
     numbers = json.loads((files / "evaluation.json").read_text())
     assert [person["name"] for person in numbers["people"]] == ["anna", "otto"]
     assert numbers["clear"][0]["misses"] == 0
-    assert "anna" in said
-    code, _, said = run("evaluate", files, files / f"anna.{ending}", files / "truth.nc")
+    assert "anna" in output
+    code, _, output = run("evaluate", files, files / f"anna.{ending}", files / "truth.nc")
     assert code == 1
-    assert "one TRC or C3D file per person" in said
+    assert "one TRC or C3D file per person" in output

@@ -46,15 +46,15 @@ def start(recording: Path, output: Path, chunk: int) -> subprocess.Popen[str]:
         stderr=subprocess.STDOUT,
         text=True,
         env={**os.environ, "PYTHONPATH": str(SOURCES)},
-        # Tests that run in the background are not interrupted, nor is what they start.
+        # Background processes ignore SIGINT, and so would their children.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
 
 
-def stop_when(process: subprocess.Popen[str], there: Path, how: signal.Signals) -> str:
-    """Send a process a signal as soon as a file is there; what it said."""
+def signal_when_file_exists(process: subprocess.Popen[str], path: Path, how: signal.Signals) -> str:
+    """Send a signal to a process as soon as a file exists, and return its output."""
     until = time.monotonic() + 300.0
-    while not there.exists():
+    while not path.exists():
         assert process.poll() is None, process.communicate()[0]
         assert time.monotonic() < until
         time.sleep(0.005)
@@ -75,12 +75,12 @@ def two_people(tmp_path_factory) -> Path:
 def uninterrupted(two_people, tmp_path_factory) -> Path:
     output = tmp_path_factory.mktemp("long") / "uninterrupted"
     process = start(two_people, output, 20)
-    said = process.communicate(timeout=1800)[0]
-    assert process.returncode == 0, said
+    text = process.communicate(timeout=1800)[0]
+    assert process.returncode == 0, text
     return output
 
 
-def test_an_interruption_leaves_a_partial_result_and_the_parts(run, recording, tmp_path, monkeypatch):
+def test_interruption_leaves_a_partial_result_and_the_parts(run, recording, tmp_path, monkeypatch):
     """Of 30 frames in chunks of 10; the third is interrupted."""
     put = CheckpointFolder.save
 
@@ -92,16 +92,16 @@ def test_an_interruption_leaves_a_partial_result_and_the_parts(run, recording, t
     command = ("reconstruct", recording, "-o", tmp_path / "out", "--chunk-frames", 10)
     with monkeypatch.context() as patched:
         patched.setattr(CheckpointFolder, "save", interrupted)
-        code, said, wrong = run(*command)
+        code, output, wrong = run(*command)
     assert code == 130
-    assert "Partial: made of the first 20 of 30 frames" in " ".join(said.split())
+    assert "Partial: made of the first 20 of 30 frames" in " ".join(output.split())
     assert "Interrupted" in wrong
     part = posefuse.read_reconstruction(tmp_path / "out" / "reconstruction.nc")
     assert part.n_frames == 20
     assert "Partial: made of the first 20 of 30 frames" in (tmp_path / "out" / "report.html").read_text("utf-8")
-    code, said, wrong = run(*command)
+    code, output, wrong = run(*command)
     assert (code, wrong) == (0, "")
-    assert "Resuming from the finished parts" in " ".join(said.split())
+    assert "Resuming from the finished parts" in " ".join(output.split())
     whole = posefuse.read_reconstruction(tmp_path / "out" / "reconstruction.nc")
     assert whole.n_frames == 30
     assert whole.layers["measured"].frames(0, 20) == part.layers["measured"].frames(0, 20)
@@ -109,7 +109,7 @@ def test_an_interruption_leaves_a_partial_result_and_the_parts(run, recording, t
     assert not (tmp_path / "out" / CHECKPOINT_FOLDER).exists()
 
 
-def test_an_interruption_while_files_are_written_resumes_from_the_reconstruction(run, recording, tmp_path, monkeypatch):
+def test_interruption_while_files_are_written_resumes_from_the_reconstruction(run, recording, tmp_path, monkeypatch):
     command = ("reconstruct", recording, "--chunk-frames", 10, "--triangulation.min-views", 9, "-o")
     code, _, warned = run(*command, tmp_path / "whole")
     assert code == 0
@@ -124,39 +124,41 @@ def test_an_interruption_while_files_are_written_resumes_from_the_reconstruction
     kept = {path.name for path in (tmp_path / "out" / CHECKPOINT_FOLDER).rglob("*")}
     assert kept == {"manifest.json", "whole.file", "whole.part"}
     with monkeypatch.context() as patched:
-        # Nothing is followed or triangulated again.
+        # Nothing is tracked or triangulated again.
         patched.setattr("posefuse.pipeline.reconstruct_recording.prepare", ended)
-        code, said, wrong = run(*command, tmp_path / "out")
+        code, output, wrong = run(*command, tmp_path / "out")
     assert (code, wrong) == (0, warned)
-    assert "Resuming from the finished parts" in " ".join(said.split())
+    assert "Resuming from the finished parts" in " ".join(output.split())
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
 
 
 @pytest.mark.long
-def test_a_killed_recording_goes_on_to_the_same_bytes(run, two_people, uninterrupted, tmp_path):
+def test_killed_run_resumes_to_the_same_bytes(run, two_people, uninterrupted, tmp_path):
     output = tmp_path / "out"
-    stop_when(
+    signal_when_file_exists(
         start(two_people, output, 20), output / CHECKPOINT_FOLDER / "frames_60" / "measured_000001.part", signal.SIGKILL
     )
     finished = [path for path in (output / CHECKPOINT_FOLDER).rglob("*.part") if path.name != "tracking.part"]
     before = {path: path.stat().st_mtime_ns for path in finished}
     assert len(before) >= 3
-    code, said, _ = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
+    code, text, _ = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
     assert code == 0
-    assert "Resuming from the finished parts" in " ".join(said.split())
+    assert "Resuming from the finished parts" in " ".join(text.split())
     assert contents(output) == contents(uninterrupted)
 
 
 @pytest.mark.long
-def test_an_interrupted_recording_leaves_a_result_that_says_so(run, tmp_path):
+def test_interrupted_run_leaves_a_result_marked_partial(run, tmp_path):
     recording = write(tmp_path / "recording", 12.0)
-    # All frames may be followed before the signal comes: then there is nothing partial about what is made of them.
+    # Tracking may finish before the signal arrives; the result is complete then.
     for attempt in range(10):
         output = tmp_path / f"out_{attempt}"
-        said = stop_when(start(recording, output, 20), output / CHECKPOINT_FOLDER / "tracking.part", signal.SIGINT)
-        if "Partial" in said:
+        text = signal_when_file_exists(
+            start(recording, output, 20), output / CHECKPOINT_FOLDER / "tracking.part", signal.SIGINT
+        )
+        if "Partial" in text:
             break
-    assert "Partial: made of the first" in " ".join(said.split())
+    assert "Partial: made of the first" in " ".join(text.split())
     result = posefuse.read_reconstruction(output / "reconstruction.nc")
     assert 0 < result.n_frames < 300
     assert result.n_frames % 20 == 0
@@ -169,12 +171,12 @@ def test_an_interrupted_recording_leaves_a_result_that_says_so(run, tmp_path):
 
 
 @pytest.mark.long
-def test_parts_of_other_input_are_not_used(run, uninterrupted, two_people, tmp_path):
-    other, output = write(tmp_path / "recording", 2.4, seed=1), tmp_path / "out"
-    stop_when(start(other, output, 20), output / CHECKPOINT_FOLDER / "tracking.part", signal.SIGKILL)
-    code, said, _ = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
+def test_checkpoints_of_other_input_are_not_used(run, uninterrupted, two_people, tmp_path):
+    path, output = write(tmp_path / "recording", 2.4, seed=1), tmp_path / "out"
+    signal_when_file_exists(start(path, output, 20), output / CHECKPOINT_FOLDER / "tracking.part", signal.SIGKILL)
+    code, text, _ = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
     assert code == 0
-    assert "held 1 part of other input, options or versions; they are not used" in " ".join(said.split())
+    assert "Removed 1 part of other inputs, options or versions from" in " ".join(text.split())
     assert contents(output) == contents(uninterrupted)
 
 
@@ -201,7 +203,7 @@ def ended_at(n: int, after: bool, recording: Path, output: Path) -> int:
 
 @pytest.mark.long
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs processes that are copies of this one")
-def test_ended_whenever_a_file_takes_its_place(run, two_people, uninterrupted, tmp_path):
+def test_run_killed_while_files_are_moved_resumes(run, two_people, uninterrupted, tmp_path):
     """Interrupt before or after each rename: of parts, of result files, and of files moved to the output folder."""
     n, output = 1, tmp_path / "out"
     while ended_at(n, n % 2 == 0, two_people, output) == 9:
@@ -213,8 +215,8 @@ def test_ended_whenever_a_file_takes_its_place(run, two_people, uninterrupted, t
 
 
 @pytest.mark.long
-def test_twenty_kills_of_five_minutes(tmp_path):
-    """At any moment: while people are followed, chunks are made, or files are written."""
+def test_run_killed_twenty_times_resumes_to_the_same_bytes(tmp_path):
+    """The process is killed at random times: during tracking, triangulation and writing."""
     recording = write(tmp_path / "recording", 300.0)
     whole, output = tmp_path / "whole", tmp_path / "out"
     begin = time.monotonic()
@@ -226,7 +228,7 @@ def test_twenty_kills_of_five_minutes(tmp_path):
         with start(recording, output, 256) as process:
             try:
                 process.wait(timeout=draw.uniform(0.05, 0.5) * took_s)
-                # It was faster than it was to be killed: it begins anew.
+                # The run finished before it was killed; start the next one.
                 assert process.returncode == 0
                 assert contents(output) == contents(whole)
             except subprocess.TimeoutExpired:
@@ -238,13 +240,13 @@ def test_twenty_kills_of_five_minutes(tmp_path):
 
 
 @pytest.mark.long
-def test_the_run_that_compiles_the_kernels_gives_the_bytes_of_those_that_load_them(tmp_path, monkeypatch):
+def test_compiled_and_cached_kernels_give_the_same_bytes(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
     recording = write(tmp_path / "recording", seconds=3.0)
     written = []
     for name in ("compiling", "loading"):
         process = start(recording, tmp_path / name, chunk=40)
-        said = process.communicate()[0]
-        assert process.returncode == 0, said
+        output = process.communicate()[0]
+        assert process.returncode == 0, output
         written.append(contents(tmp_path / name))
     assert written[0] == written[1]

@@ -8,19 +8,19 @@ from posefuse.cli.convert_result import convert_result
 from posefuse.errors import FileError, ResultError
 
 
-def test_formats_beside_a_result(run, recording, tmp_path, capsys):
-    wanted = ["parquet", "anipose", "deeplabcut", "sleap", "movement", "npz", "freemocap"]
-    code, out, _ = run("reconstruct", recording, "--output", tmp_path / "out", "--also", *wanted)
+def test_other_formats_are_written_beside_a_result(run, recording, tmp_path, capsys):
+    expected = ["parquet", "anipose", "deeplabcut", "sleap", "movement", "npz", "freemocap"]
+    code, out, _ = run("reconstruct", recording, "--output", tmp_path / "out", "--also", *expected)
     assert code == 0
     names = ["points.parquet", "anipose.csv", "points_dlc.h5", "points3d.h5", "movement.nc", "points.npz", "freemocap"]
     for name in names:
         assert name in out
-        found = posefuse.read_points(tmp_path / "out" / name)
+        points = posefuse.read_points(tmp_path / "out" / name)
         stored = posefuse.read_reconstruction(tmp_path / "out" / "reconstruction.nc").best_layer()[1]
-        np.testing.assert_allclose(found.points_m, stored.points_m[:], rtol=1e-15)
-    said = " ".join(out.split())
-    assert "TRC, C3D and the other formats hold the layer measured." in said
-    assert "note: anipose cannot hold times, status, covariances, which views." in said
+        np.testing.assert_allclose(points.points_m, stored.points_m[:], rtol=1e-15)
+    output = " ".join(out.split())
+    assert "TRC, C3D and the other formats hold the layer measured." in output
+    assert "note: anipose cannot hold times, status, covariances, which views." in output
     assert max(map(len, out.splitlines())) <= 80
     # Without them they are gone: they were of the result that is replaced.
     code, _, _ = run("reconstruct", recording, "--output", tmp_path / "out")
@@ -30,11 +30,11 @@ def test_formats_beside_a_result(run, recording, tmp_path, capsys):
 
     stored = posefuse.read_reconstruction(tmp_path / "out" / "reconstruction.nc")
     convert_result(tmp_path / "out", "parquet", tmp_path / "x.parquet", "measured")
-    said = " ".join(capsys.readouterr().out.split())
-    assert f"Wrote x.parquet to {tmp_path}" in said
-    found = posefuse.read_points(tmp_path / "x.parquet")
-    assert found.layer == "measured"
-    np.testing.assert_array_equal(found.points_m, stored.layers["measured"].points_m[:])
+    output = " ".join(capsys.readouterr().out.split())
+    assert f"Wrote x.parquet to {tmp_path}" in output
+    points = posefuse.read_points(tmp_path / "x.parquet")
+    assert points.layer == "measured"
+    np.testing.assert_array_equal(points.points_m, stored.layers["measured"].points_m[:])
     with pytest.raises(ResultError, match="has no layer 'model'"):
         convert_result(tmp_path / "out", "parquet", tmp_path / "y.parquet", "model")
     with pytest.raises(ResultError, match="is the result itself"):
@@ -46,7 +46,7 @@ def test_formats_beside_a_result(run, recording, tmp_path, capsys):
     assert not (tmp_path / "y.parquet").exists()
 
 
-def test_a_format_that_is_not(run, recording, tmp_path):
+def test_unknown_format_is_refused(run, recording, tmp_path):
     code, _, err = run("reconstruct", recording, "--output", tmp_path / "out", "--also", "parket")
     assert code == 2
     assert "--also parket: there is no additional format of this name. Did you mean 'parquet'?" in " ".join(err.split())

@@ -11,7 +11,7 @@ from posefuse.editing import apply_edits
 from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native
 from posefuse.io.results import netcdf
-from tests.people import crowd, followed
+from tests.people import simulate_walkers, track_perfectly
 
 EDITS = """
 [[edit]]
@@ -28,11 +28,11 @@ person = "person_2"
 @pytest.fixture
 def folder(tmp_path):
     """A result, and the recording it is of."""
-    scene = crowd(people=10, seconds=1.0)
+    scene = simulate_walkers(people=10, seconds=1.0)
     (tmp_path / "recording").mkdir()
     native.write(scene.detections, tmp_path / "recording" / "keypoints.nc")
     anipose.write(scene.rig, tmp_path / "recording" / "calibration.toml")
-    result = followed(scene)
+    result = track_perfectly(scene)
     result = replace(result, provenance=replace(result.provenance, inputs={}))
     (tmp_path / "result").mkdir()
     netcdf.write(result.chunks(), tmp_path / "result" / "reconstruction.nc")
@@ -42,15 +42,15 @@ def folder(tmp_path):
 def test_edit(run, folder):
     (folder / "edits.toml").write_text(EDITS)
     before = (folder / "result" / "reconstruction.nc").read_bytes()
-    code, said, wrong = run("edit", folder / "result", folder / "edits.toml")
+    code, output, wrong = run("edit", folder / "result", folder / "edits.toml")
     assert (code, wrong) == (0, "")
     assert (folder / "result" / "reconstruction.nc").read_bytes() == before
     out = folder / "result_edited"
     names = {entry.name for entry in out.iterdir()}
     assert {"reconstruction.nc", "model.csv", "events.csv", "anna.trc", "person_10.c3d", "report.html"} <= names
     assert "person_2.trc" not in names
-    assert "note: Edited: person_1 renamed to anna." in said
-    assert all(len(line) <= 80 for line in said.splitlines() if not line.startswith("to /"))
+    assert "note: Edited: person_1 renamed to anna." in output
+    assert all(len(line) <= 80 for line in output.splitlines() if not line.startswith("to /"))
     edited = posefuse.read_reconstruction(out / "reconstruction.nc")
     expected = apply_edits(posefuse.read_reconstruction(folder / "result/reconstruction.nc"),
                            posefuse.read_edits(folder / "edits.toml"))  # fmt: skip
@@ -60,19 +60,19 @@ def test_edit(run, folder):
     assert str(folder).encode() not in (out / "reconstruction.nc").read_bytes()
 
 
-def test_edits_that_cannot_be_done_leave_nothing_behind(run, folder):
+def test_failed_edits_leave_no_files(run, folder):
     (folder / "edits.toml").write_text(EDITS.replace("person_2", "person_22"))
     before = sorted(folder.rglob("*"))
-    code, _, said = run("edit", folder / "result", folder / "edits.toml")
+    code, _, output = run("edit", folder / "result", folder / "edits.toml")
     assert code == 1
-    assert "Edit 2 (drop): No person is called 'person_22'. Did you mean" in said
+    assert "Edit 2 (drop): No person is called 'person_22'. Did you mean" in output
     assert sorted(folder.rglob("*")) == before
-    code, _, said = run("edit", folder / "result", folder / "edits.toml", "-o", folder / "result")
+    code, _, output = run("edit", folder / "result", folder / "edits.toml", "-o", folder / "result")
     assert code == 1
-    assert "is the result itself" in said
+    assert "is the result itself" in output
 
 
-def test_edits_are_done_again_by_reconstruct(run, recording, tmp_path):
+def test_reconstruct_repeats_the_edits(run, recording, tmp_path):
     (tmp_path / "edits.toml").write_text('[[edit]]\ndo = "rename"\nperson = "person_1"\nto = "anna"\n')
     assert run("reconstruct", recording, "-o", tmp_path / "plain")[0] == 0
     assert run("edit", tmp_path / "plain", tmp_path / "edits.toml", "-o", tmp_path / "edited")[0] == 0
@@ -83,50 +83,50 @@ def test_edits_are_done_again_by_reconstruct(run, recording, tmp_path):
 
 
 def test_explain(run, folder):
-    code, said, wrong = run("explain", folder / "result", "--frame", 12, "--recording", folder / "recording")
+    code, output, wrong = run("explain", folder / "result", "--frame", 12, "--recording", folder / "recording")
     assert (code, wrong) == (0, "")
     for words in ("frame 12, 0.480 s", "person_3  active since", "cam_4: ", "unassigned"):
-        assert words in said
-    assert all(len(line) <= 80 for line in said.splitlines())
+        assert words in output
+    assert all(len(line) <= 80 for line in output.splitlines())
     keypoints = folder / "recording" / "keypoints.nc"
-    code, said, _ = run("explain", folder / "result", "--frame", 12, "--person", "person_3", "--keypoints", keypoints)
+    code, output, _ = run("explain", folder / "result", "--frame", 12, "--person", "person_3", "--keypoints", keypoints)
     assert code == 0
-    assert "person_3, layer model:" in said
-    assert "person_5" not in said.split("cam_0")[0]
-    code, said, _ = run("explain", folder / "result", "--frame", 12)
+    assert "person_3, layer model:" in output
+    assert "person_5" not in output.split("cam_0")[0]
+    code, output, _ = run("explain", folder / "result", "--frame", 12)
     assert code == 0
-    assert "Unassigned detections are not listed without the 2D keypoints" in said
-    code, _, said = run("explain", folder / "result", "--frame", 99)
+    assert "Unassigned detections are not listed without the 2D keypoints" in output
+    code, _, output = run("explain", folder / "result", "--frame", 99)
     assert code == 1
-    assert "frames 0 to 24" in said
+    assert "frames 0 to 24" in output
 
 
-def test_explain_notices_other_keypoints(run, folder):
+def test_explain_refuses_other_keypoints(run, folder):
     path = folder / "result" / "reconstruction.nc"
-    known = posefuse.read_reconstruction(path)
-    known = replace(known, provenance=replace(known.provenance, inputs={"keypoints.nc": "0" * 64}))
-    netcdf.write(list(known.chunks()), folder / "result2.nc")
-    code, _, said = run("explain", folder / "result2.nc", "--frame", 3, "--recording", folder / "recording")
+    result = posefuse.read_reconstruction(path)
+    result = replace(result, provenance=replace(result.provenance, inputs={"keypoints.nc": "0" * 64}))
+    netcdf.write(list(result.chunks()), folder / "result2.nc")
+    code, _, output = run("explain", folder / "result2.nc", "--frame", 3, "--recording", folder / "recording")
     assert code == 0
-    assert "keypoints.nc has changed since the result was written" in said
+    assert "keypoints.nc has changed since the result was written" in output
 
 
-def test_edits_that_leave_nobody(run, folder, monkeypatch):
-    """No file of a person who is in no frame, no number of nothing, and all lines fit."""
+def test_edits_may_drop_all_people(run, folder, monkeypatch):
+    """Absent people have no files and no statistics, and all lines fit the window."""
     monkeypatch.setenv("COLUMNS", "80")
     (folder / "edits.toml").write_text('[[edit]]\ndo = "drop"\nto_frame = 24\n')
-    code, said, warned = run("edit", folder / "result", folder / "edits.toml", "-o", folder / "out")
+    code, output, warned = run("edit", folder / "result", folder / "edits.toml", "-o", folder / "out")
     assert code == 0
-    assert "nan" not in said
-    assert "- of the points of tracked people have coordinates" in said
+    assert "nan" not in output
+    assert "- of the points of tracked people have coordinates" in output
     assert "no person is left in any frame; there is no TRC or C3D to write" in warned
     assert not [entry for entry in (folder / "out").iterdir() if entry.suffix in (".trc", ".c3d")]
     assert "nan" not in (folder / "out" / "model.csv").read_text()
-    assert all(len(line) <= 80 for line in said.splitlines() if not line.startswith("to /"))
+    assert all(len(line) <= 80 for line in output.splitlines() if not line.startswith("to /"))
 
 
-def test_a_report_of_many_with_their_truth(run, folder):
-    posefuse.write(crowd(people=10, seconds=1.0).truth, folder / "truth.nc")
+def test_report_of_several_people_with_truth(run, folder):
+    posefuse.write(simulate_walkers(people=10, seconds=1.0).truth, folder / "truth.nc")
     code, _, wrong = run("report", folder / "result", "--truth", folder / "truth.nc", "-o", folder / "r.html")
     assert (code, wrong) == (0, "")
     page = (folder / "r.html").read_text()
@@ -135,13 +135,13 @@ def test_a_report_of_many_with_their_truth(run, folder):
     assert "<th>IDF1</th>" in page
 
 
-def test_a_result_by_its_own_account(run, folder, monkeypatch):
+def test_result_without_truth_is_evaluated_by_self_consistency(run, folder, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    code, said, wrong = run("evaluate", folder / "result")
+    code, output, wrong = run("evaluate", folder / "result")
     assert (code, wrong) == (0, "")
-    assert "layer model, self-consistency without ground truth: 25 frames" in said
-    assert "NIS per degree of freedom, mean" in said
-    assert all(len(line) <= 80 for line in said.splitlines() if not line.startswith("/"))
+    assert "layer model, self-consistency without ground truth: 25 frames" in output
+    assert "NIS per degree of freedom, mean" in output
+    assert all(len(line) <= 80 for line in output.splitlines() if not line.startswith("/"))
     numbers = json.loads((folder / "result" / "evaluation.json").read_text())
     assert numbers["innovations"]["mean"] == pytest.approx(1.0, abs=0.05)
     assert [person["name"] for person in numbers["people"]][:2] == ["person_1", "person_2"]

@@ -6,8 +6,8 @@ import posefuse
 def test_reconstruct_runs_a_project_file_unchanged(run, recording, tmp_path):
     path = recording / "posefuse.toml"
     assert run("init", path)[0] == 0
-    code, said, _ = run("reconstruct", "--options", path)
-    assert code == 0, said
+    code, output, _ = run("reconstruct", "--options", path)
+    assert code == 0, output
     assert run("reconstruct", "--options", path)[0] == 0
     path.unlink()
     assert run("reconstruct", recording, "--output", tmp_path / "plain")[0] == 0
@@ -25,15 +25,15 @@ def test_flags_override_a_project_file(run, recording, tmp_path):
     assert run("reconstruct", recording, "--options", path, "--output", tmp_path / "b", "--end-s", "0.2")[0] == 0
     frames = [posefuse.read_reconstruction(tmp_path / name / "reconstruction.nc").n_frames for name in ("a", "b")]
     assert frames == [15, 6]
-    code, said, _ = run("inspect", "--options", path)
+    code, output, _ = run("inspect", "--options", path)
     assert code == 0
-    assert "4 views match 4 cameras" in said
+    assert "4 views match 4 cameras" in output
 
 
-def test_a_file_of_every_option_runs_too(run, recording, tmp_path):
+def test_project_file_with_every_option_runs(run, recording, tmp_path):
     assert run("init", tmp_path / "all.toml", "--all")[0] == 0
-    code, _, said = run("reconstruct", recording, "-o", tmp_path / "o", "--options", tmp_path / "all.toml")
-    assert code == 0, said
+    code, _, output = run("reconstruct", recording, "-o", tmp_path / "o", "--options", tmp_path / "all.toml")
+    assert code == 0, output
     assert run("reconstruct", recording, "-o", tmp_path / "plain")[0] == 0
     plain, result = (posefuse.read_reconstruction(tmp_path / name / "reconstruction.nc") for name in ("plain", "o"))
     assert result.options == plain.options

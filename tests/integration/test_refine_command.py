@@ -1,4 +1,4 @@
-"""``posefuse refine-calibration`` from the command line: a turned camera comes back, in the format that was read."""
+"""``posefuse refine-calibration`` on the command line: a rotated camera is corrected, in the format of the input."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -17,8 +17,8 @@ from tests.scenes import ring, skeleton_of
 TURN_DEG = 1.0
 
 
-def turned(rig: CameraRig) -> CameraRig:
-    """The rig, its third camera turned."""
+def rotate_camera(rig: CameraRig) -> CameraRig:
+    """Return the rig with its third camera rotated."""
     camera = rig.cameras[2]
     pose = camera.camera_from_world.copy()
     pose[:3] = rotation_from_vector(np.radians([0.0, TURN_DEG, 0.0])) @ pose[:3]
@@ -32,7 +32,7 @@ def truth() -> CameraRig:
 
 @pytest.fixture
 def turned_recording(tmp_path, truth, rng) -> Path:
-    """Points that jump about before four cameras, one of which is turned by a degree in the calibration."""
+    """Return a folder of random points in four views, with a calibration in which one camera is rotated by a degree."""
     folder = tmp_path / "recording"
     folder.mkdir()
     skeleton = skeleton_of(8)
@@ -40,11 +40,11 @@ def turned_recording(tmp_path, truth, rng) -> Path:
     pixels = np.moveaxis(truth.project(points), 0, 1)
     pixels += rng.normal(0.0, 1.0, pixels.shape)
     native.write(Detections.from_dense(skeleton, truth.names, pixels, rate_hz=30.0), folder / "keypoints.nc")
-    pose2sim.write(turned(truth), folder / "Calib.toml")
+    pose2sim.write(rotate_camera(truth), folder / "Calib.toml")
     return folder
 
 
-def test_a_turned_camera_is_corrected_and_the_input_is_kept(run, turned_recording, truth, tmp_path):
+def test_turned_camera_is_corrected_and_the_input_is_kept(run, turned_recording, truth, tmp_path):
     before = (turned_recording / "Calib.toml").read_bytes()
     refined = tmp_path / "refined.toml"
     code, out, err = run("refine-calibration", turned_recording, "--output", refined, "--people", "one")
@@ -57,7 +57,7 @@ def test_a_turned_camera_is_corrected_and_the_input_is_kept(run, turned_recordin
     assert "SHA-256" in rig.notes[0]
 
 
-def test_the_calibration_that_is_read_is_not_written_over(run, turned_recording):
+def test_input_calibration_is_not_overwritten(run, turned_recording):
     place = turned_recording / "Calib.toml"
     before = place.read_bytes()
     code, _, err = run("refine-calibration", turned_recording, "--output", place)
@@ -66,7 +66,7 @@ def test_the_calibration_that_is_read_is_not_written_over(run, turned_recording)
     assert place.read_bytes() == before
 
 
-def test_what_cannot_be_told_is_refused_and_nothing_is_written(run, turned_recording, tmp_path):
+def test_unknown_fixed_camera_is_an_error_and_nothing_is_written(run, turned_recording, tmp_path):
     refined = tmp_path / "refined.toml"
     code, _, err = run("refine-calibration", turned_recording, "--output", refined, "--fix", "cam_7")
     assert code != 0

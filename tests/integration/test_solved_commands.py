@@ -1,4 +1,4 @@
-"""The solved layer, the world and what follows from points, on the command line."""
+"""The solved layer, alignment and derived quantities on the command line."""
 
 import csv
 from dataclasses import replace
@@ -20,8 +20,8 @@ def rows_of(path):
 
 
 @pytest.fixture
-def holed(recording):
-    """The recording with a keypoint that no camera sees for four frames."""
+def recording_with_gap(recording):
+    """Return the recording with one keypoint missing in all views for four frames."""
     detections = posefuse.read_detections(recording / "keypoints.nc")
     wrist = detections.skeleton.index("left_wrist")
     pixels = np.array(detections.keypoints_px[:])
@@ -31,14 +31,14 @@ def holed(recording):
     return recording
 
 
-def test_each_frame_filled_and_smoothed_says_so_everywhere(run, holed, tmp_path):
+def test_postprocessing_is_recorded_in_all_outputs(run, recording_with_gap, tmp_path):
     out = tmp_path / "out"
     flags = ["--solve", "frame", "--postprocess.fill", "pchip", "--postprocess.smooth", "hampel", "butterworth"]
-    code, said, _ = run("reconstruct", holed, "-o", out, *SHORT, *flags)
+    code, output, _ = run("reconstruct", recording_with_gap, "-o", out, *SHORT, *flags)
     assert code == 0
-    assert "solved by frame" in said.replace("\n", " ")
-    assert "% filled" in said
-    assert "% smoothed" in said
+    assert "solved by frame" in output.replace("\n", " ")
+    assert "% filled" in output
+    assert "% smoothed" in output
     wrist = [row for row in rows_of(out / "solved.csv") if row["keypoint"] == "left_wrist"]
     assert [row["source"] for row in wrist[6:10]] == ["filled"] * 4
     assert [row["status"] for row in wrist[6:10]] == ["filled"] * 4
@@ -53,41 +53,41 @@ def test_each_frame_filled_and_smoothed_says_so_everywhere(run, holed, tmp_path)
     assert "% filled" in (out / "report.html").read_text()
     result = posefuse.read_reconstruction(out / "reconstruction.nc")
     assert (result.layers["solved"].source[6:10, 0, keypoint] == Source.FILLED).all()
-    code, said, _ = run("explain", out, "--frame", "7", "--person", "person_1", "--recording", holed)
+    code, output, _ = run("explain", out, "--frame", "7", "--person", "person_1", "--recording", recording_with_gap)
     assert code == 0
-    assert "1 filled" in said
-    assert all(len(line) <= 80 for line in said.splitlines())
+    assert "1 filled" in output
+    assert all(len(line) <= 80 for line in output.splitlines())
 
 
-def test_the_world_laid_anew_is_evaluated_in_the_old_one(run, recording, tmp_path):
+def test_aligned_result_is_evaluated_in_the_calibrated_world(run, recording, tmp_path):
     out = tmp_path / "out"
     flags = ["--solve", "frame", "--align", "floor", "--align.preset", "opensim", "--align.origin", "subject"]
-    code, said, _ = run("reconstruct", recording, "-o", out, *flags)
+    code, output, _ = run("reconstruct", recording, "-o", out, *flags)
     assert code == 0
-    assert "feet stand still" in said.replace("\n", " ")
+    assert "feet stand still" in output.replace("\n", " ")
     result = posefuse.read_reconstruction(out / "reconstruction.nc")
     assert result.rig.up_axis == "y"
     assert result.alignment is not None
     nose = result.layers["measured"].points_m[:, 0, result.skeleton.index("nose")]
     assert (nose[:, 1] > 1.2).all()
-    code, said, _ = run("evaluate", out, tmp_path / "truth.nc")
+    code, output, _ = run("evaluate", out, tmp_path / "truth.nc")
     assert code == 0
-    assert "compared in the calibration's coordinate system" in said.replace("\n", " ")
-    assert "layer measured" in said
-    median = next(line for line in said.splitlines() if line.startswith("median "))
+    assert "compared in the calibration's coordinate system" in output.replace("\n", " ")
+    assert "layer measured" in output
+    median = next(line for line in output.splitlines() if line.startswith("median "))
     assert float(median.split()[1]) < 10
 
 
-def test_a_world_of_another_size_is_evaluated_and_compared_in_the_calibrations(run, recording, tmp_path):
-    """The subject is said to be half as tall: errors are still those in the calibration's metres."""
+def test_scaled_result_is_evaluated_at_the_calibrated_scale(run, recording, tmp_path):
+    """The given stature is half the true one; errors remain in meters of the calibration."""
     medians, tables = [], []
     for name, flags in (("plain", []), ("small", ["--align", "floor", "--align.height-m", "0.9"])):
-        code, said, _ = run("reconstruct", recording, "-o", tmp_path / name, "--solve", "frame", *flags)
+        code, output, _ = run("reconstruct", recording, "-o", tmp_path / name, "--solve", "frame", *flags)
         assert code == 0
-        code, said, _ = run("evaluate", tmp_path / name, tmp_path / "truth.nc")
+        code, output, _ = run("evaluate", tmp_path / name, tmp_path / "truth.nc")
         assert code == 0
-        medians.append(float(next(line for line in said.splitlines() if line.startswith("median ")).split()[1]))
-        code, said, _ = run(
+        medians.append(float(next(line for line in output.splitlines() if line.startswith("median ")).split()[1]))
+        code, output, _ = run(
             "compare", recording, "-o", tmp_path / f"compared_{name}", "--truth", tmp_path / "truth.nc",
             "--methods", "consensus,simple", "--no-timing", *flags[2:],
         )  # fmt: skip
@@ -102,12 +102,12 @@ def test_a_world_of_another_size_is_evaluated_and_compared_in_the_calibrations(r
     assert float(tables[0][0]["median_error_against_truth_mm"]) == pytest.approx(medians[0], rel=0.05)
 
 
-def test_tables_of_the_body(run, recording, tmp_path):
+def test_body_tables_are_written(run, recording, tmp_path):
     out = tmp_path / "out"
     flags = ["--solve", "frame", "--postprocess.smooth", "butterworth", "--subject.mass-table", "winter"]
-    code, said, _ = run("reconstruct", recording, "-o", out, *SHORT, *flags, "--subject.mass-kg", "70")
+    code, output, _ = run("reconstruct", recording, "-o", out, *SHORT, *flags, "--subject.mass-kg", "70")
     assert code == 0
-    assert "com.csv" in said
+    assert "com.csv" in output
     com = rows_of(out / "com.csv")
     assert list(com[0]) == [
         "frame", "time_s", "person", "x_m", "y_m", "z_m", "known_share", "filled_share", "layer", "known_mass_kg",
@@ -123,12 +123,12 @@ def test_tables_of_the_body(run, recording, tmp_path):
     assert 0 <= min(knees) <= max(knees) < 120
 
 
-def test_bad_wishes(run, recording, tmp_path):
-    code, _, said = run("reconstruct", recording, "-o", tmp_path / "o", "--postprocess.butterworth.cutoff-hz", "20",
+def test_invalid_requests_are_reported(run, recording, tmp_path):
+    code, _, output = run("reconstruct", recording, "-o", tmp_path / "o", "--postprocess.butterworth.cutoff-hz", "20",
                         "--postprocess.smooth", "butterworth")  # fmt: skip
     assert code == 2
-    assert "below half the frame rate (15 Hz)" in said
-    code, _, said = run("reconstruct", recording, "-o", tmp_path / "o", "--align.forward", "walk", "--up", "z",
+    assert "below half the frame rate (15 Hz)" in output
+    code, _, output = run("reconstruct", recording, "-o", tmp_path / "o", "--align.forward", "walk", "--up", "z",
                         "--cameras", "cam_1")  # fmt: skip
     assert code == 2
-    assert "one camera" in said
+    assert "one camera" in output

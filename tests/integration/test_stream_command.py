@@ -50,7 +50,7 @@ def stream(folder: Path, *more: str) -> list[str]:
     return [*COMMAND, "stream", "--calibration", str(folder / "calibration.toml"), "--skeleton", "body_20", *more]
 
 
-def test_a_recording_through_the_command_gives_the_numbers_of_reconstruct(run, folder, lines):
+def test_streamed_recording_gives_the_numbers_of_reconstruct(run, folder, lines):
     assert run("replay", folder) == (0, lines.decode(), "")
     done = subprocess.run(
         stream(folder, "--clock", "messages", *FIXED), input=lines, capture_output=True, check=True, env=ENVIRONMENT
@@ -70,22 +70,22 @@ def test_a_recording_through_the_command_gives_the_numbers_of_reconstruct(run, f
             for layer, points, covariance in (
                 ("model", "model_m", "model_covariance_m2"), ("measured", "keypoints_m", "covariance_m2"),
             ):  # fmt: skip
-                known = result.layers[layer]
-                assert_same(person[points], np.asarray(known.points_m)[f, p])
-                assert_same(person[covariance], np.asarray(known.covariance_m2)[f, p])
+                reference = result.layers[layer]
+                assert_same(person[points], np.asarray(reference.points_m)[f, p])
+                assert_same(person[covariance], np.asarray(reference.covariance_m2)[f, p])
             compared += 1
     assert compared > 60
     assert all(len(line) <= 80 for line in done.stderr.decode().splitlines())
 
 
 def assert_same(rows: list, expected: np.ndarray) -> None:
-    told = np.array([[np.nan] * expected.shape[1] if row is None else row for row in rows])
-    # Of hardly known points not even the covariance is given where the point is not.
-    np.testing.assert_allclose(told, np.where(np.isnan(told), np.nan, expected), rtol=1e-9, atol=1e-12)
-    np.testing.assert_array_equal(np.isnan(told[:, 0]), np.isnan(expected[:, 0]))
+    results = np.array([[np.nan] * expected.shape[1] if row is None else row for row in rows])
+    # Missing points have no covariance either.
+    np.testing.assert_allclose(results, np.where(np.isnan(results), np.nan, expected), rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(np.isnan(results[:, 0]), np.isnan(expected[:, 0]))
 
 
-def test_over_tcp_until_it_is_told_to_end(folder, lines):
+def test_stream_over_tcp_ends_on_a_signal(folder, lines):
     with subprocess.Popen(
         stream(folder, "--input", "tcp://:0", "--max-jump-s", "5"), stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         env=ENVIRONMENT,
@@ -94,9 +94,9 @@ def test_over_tcp_until_it_is_told_to_end(folder, lines):
         ready = process.stderr.readline().decode()
         address = re.search(r"listening on tcp://127\.0\.0\.1:(\d+)", ready)
         assert address, ready + process.stderr.read().decode()
-        told: list[dict] = []
+        results: list[dict] = []
         reading = threading.Thread(
-            target=lambda: told.extend(json.loads(line) for line in _lines(process)), daemon=True
+            target=lambda: results.extend(json.loads(line) for line in _lines(process)), daemon=True
         )
         reading.start()
         count = 40
@@ -108,26 +108,26 @@ def test_over_tcp_until_it_is_told_to_end(folder, lines):
             time.sleep(0.5)
         process.send_signal(signal.SIGTERM)
         reading.join(60)
-        said = process.stderr.read().decode()
+        output = process.stderr.read().decode()
         assert process.wait(60) == 0
-    frames = [line for line in told if line["type"] == "frame"]
-    report = told[-1]
+    frames = [line for line in results if line["type"] == "frame"]
+    report = results[-1]
     assert report["last"] is True
     assert report["malformed"] == {"not JSON": 1}
     assert len(frames) + report["frames"]["dropped"] == count
     assert all(frame["latency_s"] >= 0.0 for frame in frames)
-    assert re.search(r"warning: 127\.0\.0\.1:\d+\s+line 1: ", said)
-    assert "malformed: 1 line, not JSON" in said
-    assert "latency of complete frames" in said
+    assert re.search(r"warning: 127\.0\.0\.1:\d+\s+line 1: ", output)
+    assert "malformed: 1 line, not JSON" in output
+    assert "latency of complete frames" in output
 
 
-def test_a_stream_of_which_no_line_can_be_used_fails(folder):
+def test_stream_without_valid_lines_fails(folder):
     done = subprocess.run(stream(folder), input=b"{\n" * 9, capture_output=True, check=False, env=ENVIRONMENT)
     assert done.returncode == 1
-    said = " ".join(done.stderr.decode().split())
-    assert "warning: line 1: " in said
-    assert "malformed: 9 lines, not JSON" in said
-    assert "No line could be used." in said
+    output = " ".join(done.stderr.decode().split())
+    assert "warning: line 1: " in output
+    assert "malformed: 9 lines, not JSON" in output
+    assert "No line could be used." in output
 
 
 def _lines(process: subprocess.Popen) -> Iterator[bytes]:
@@ -136,7 +136,7 @@ def _lines(process: subprocess.Popen) -> Iterator[bytes]:
 
 
 @pytest.mark.parametrize(
-    ("more", "code", "said"),
+    ("more", "code", "message"),
     [
         ((), 2, "Add --skeleton"),
         (("--skeleton", "body_20", "--input", "tcp://"), 2, "the port is missing"),
@@ -144,14 +144,14 @@ def _lines(process: subprocess.Popen) -> Iterator[bytes]:
         (("--skeleton", "fly_38", "--noise.cameras", "x", "--noise.scale-px", "1"), 2, "noise.cameras has no scale"),
     ],
 )
-def test_wrong_calls_are_answered(run, folder, more, code, said):
-    found = run("stream", "--calibration", folder / "calibration.toml", *more)
-    assert found[0] == code
-    assert said in found[2]
-    assert found[1] == ""
+def test_invalid_arguments_are_reported(run, folder, more, code, message):
+    actual = run("stream", "--calibration", folder / "calibration.toml", *more)
+    assert actual[0] == code
+    assert message in actual[2]
+    assert actual[1] == ""
 
 
-def test_replay_refuses_what_has_no_times(run, tmp_path):
+def test_replay_needs_times(run, tmp_path):
     path = tmp_path / "rec"
     path.mkdir()
     made = posefuse.simulate_crowd(CrowdOptions(people=1, cameras=3, duration_s=1.0))

@@ -32,7 +32,7 @@ def scene() -> CrowdScene:
 
 
 @pytest.fixture(scope="module")
-def told(scene: CrowdScene) -> list[People]:
+def tracked(scene: CrowdScene) -> list[People]:
     return run(scene.rig, frames_of(scene.detections))
 
 
@@ -45,20 +45,20 @@ def run(rig: CameraRig, frames: Iterable[Frame], options: TrackerOptions | None 
     return [tracker.update(frame) for frame in frames]
 
 
-def events_of(told: Sequence[People]) -> list[Event]:
-    return [event for people in told for event in people.events]
+def events_of(results: Sequence[People]) -> list[Event]:
+    return [event for people in results for event in people.events]
 
 
-def known(people: People, state: TrackState = TrackState.ACTIVE) -> dict[str, Person]:
+def people_in_state(people: People, state: TrackState = TrackState.ACTIVE) -> dict[str, Person]:
     return {person.name: person for person in people.people if person.state == state}
 
 
-def same_people(told: Sequence[People], others: Sequence[People], within_m: float) -> None:
+def assert_same_people(results: Sequence[People], others: Sequence[People], within_m: float) -> None:
     """Assert equal names and states, with points within a tolerance."""
-    for one, other in zip(told, others, strict=True):
+    for one, other in zip(results, others, strict=True):
         assert [(p.name, p.state) for p in one.people] == [(p.name, p.state) for p in other.people]
-        for mine, theirs in zip(one.people, other.people, strict=True):
-            np.testing.assert_allclose(mine.points_m, theirs.points_m, rtol=0, atol=within_m)
+        for first, second in zip(one.people, other.people, strict=True):
+            np.testing.assert_allclose(first.points_m, second.points_m, rtol=0, atol=within_m)
 
 
 def reordered(frame: Frame, order: Sequence[int]) -> Frame:
@@ -109,44 +109,44 @@ def moved_rig(rig: CameraRig, new_from_old: np.ndarray) -> CameraRig:
     )
 
 
-def test_every_person_is_confirmed_once(scene: CrowdScene, told: list[People]) -> None:
+def test_every_person_is_confirmed_once(scene: CrowdScene, tracked: list[People]) -> None:
     truth = np.asarray(scene.truth.layers["measured"].points_m)
-    found = known(told[-1])
-    assert len(found) == PEOPLE
+    actual = people_in_state(tracked[-1])
+    assert len(actual) == PEOPLE
     apart = [
-        np.nanmean(np.linalg.norm(truth[-1] - person.points_m, axis=-1), axis=-1).min() for person in found.values()
+        np.nanmean(np.linalg.norm(truth[-1] - person.points_m, axis=-1), axis=-1).min() for person in actual.values()
     ]
     assert max(apart) < 0.1
-    assert [e.what for e in events_of(told)].count("confirmed") == PEOPLE
+    assert [e.what for e in events_of(tracked)].count("confirmed") == PEOPLE
 
 
-def test_the_same_frames_give_the_same_bytes(scene: CrowdScene, told: list[People]) -> None:
+def test_same_frames_give_the_same_bytes(scene: CrowdScene, tracked: list[People]) -> None:
     again = run(scene.rig, frames_of(scene.detections))
-    assert [pickle.dumps(people) for people in told] == [pickle.dumps(people) for people in again]
+    assert [pickle.dumps(people) for people in tracked] == [pickle.dumps(people) for people in again]
 
 
-def test_pickled_tracker_resumes(scene: CrowdScene, told: list[People]) -> None:
+def test_pickled_tracker_resumes(scene: CrowdScene, tracked: list[People]) -> None:
     tracker = Tracker(scene.rig, "body_20")
     frames = frames_of(scene.detections)
-    # So early that somebody is still tentative, and again in the middle.
+    # At frame 2 some people are still tentative.
     for stop, start in ((2, 0), (50, 2), (len(frames), 50)):
         for i in range(start, stop):
             # Not to the last bit: with a cold cache and two test processes it has differed by a rounding error.
-            same_people([tracker.update(frames[i])], [told[i]], 1e-9)
+            assert_same_people([tracker.update(frames[i])], [tracked[i]], 1e-9)
         tracker = pickle.loads(pickle.dumps(tracker))
 
 
-def test_the_order_of_cameras_does_not_matter(scene: CrowdScene, told: list[People]) -> None:
+def test_result_is_independent_of_the_camera_order(scene: CrowdScene, tracked: list[People]) -> None:
     order = [3, 0, 4, 2, 1]
     rig = replace(scene.rig, cameras=tuple(scene.rig.cameras[v] for v in order))
     others = run(rig, [reordered(frame, order) for frame in frames_of(scene.detections)])
-    same_people(told, others, 1e-6)
-    for one, other in zip(told, others, strict=True):
-        for mine, theirs in zip(one.people, other.people, strict=True):
-            np.testing.assert_array_equal(mine.used[order], theirs.used)
+    assert_same_people(tracked, others, 1e-6)
+    for one, other in zip(tracked, others, strict=True):
+        for first, second in zip(one.people, other.people, strict=True):
+            np.testing.assert_array_equal(first.used[order], second.used)
 
 
-def test_people_move_with_the_world(scene: CrowdScene, told: list[People]) -> None:
+def test_result_moves_with_the_world(scene: CrowdScene, tracked: list[People]) -> None:
     turn = Rotation.from_rotvec([0.4, -0.9, 1.3]).as_matrix()
     move = np.array([12.0, -7.0, 3.0])
     new_from_old = np.eye(4)
@@ -154,14 +154,14 @@ def test_people_move_with_the_world(scene: CrowdScene, told: list[People]) -> No
     others = run(moved_rig(scene.rig, new_from_old), frames_of(scene.detections))
     expected = [
         replace(people, people=tuple(replace(p, points_m=p.points_m @ turn.T + move) for p in people.people))
-        for people in told
+        for people in tracked
     ]
-    same_people(expected, others, 2e-3)
+    assert_same_people(expected, others, 2e-3)
 
 
-def test_four_times_the_frames_give_the_same_lives() -> None:
+def test_track_events_do_not_depend_on_the_frame_rate() -> None:
     """One of two people leaves at 10.7 s and is back at 15.7 s; the order of names does not matter."""
-    slow, fast = lives(25.0), lives(100.0)
+    slow, fast = events_by_person(25.0), events_by_person(100.0)
     assert [[what for what, _ in life] for life in slow] == [[what for what, _ in life] for life in fast]
     assert [what for what, _ in slow[0]] == ["confirmed"]
     assert [what for what, _ in slow[1]] in (["confirmed", "lost", "reidentified"], ["confirmed", "lost", "reacquired"])
@@ -169,36 +169,36 @@ def test_four_times_the_frames_give_the_same_lives() -> None:
         np.testing.assert_allclose([at_s for _, at_s in one], [at_s for _, at_s in other], rtol=0, atol=0.1)
 
 
-def lives(rate_hz: float) -> list[list[tuple[str, float]]]:
+def events_by_person(rate_hz: float) -> list[list[tuple[str, float]]]:
     """Return the events of each person, fewest first."""
     options = CrowdOptions("leave", duration_s=22.0, rate_hz=rate_hz, seed=0, detector=CLEAN, faults=NO_FAULTS)
     made = simulate_crowd(options)
-    told = run(made.rig, frames_of(made.detections)[int(9.5 * rate_hz) : int(17.0 * rate_hz)])
-    found: dict[str, list[tuple[str, float]]] = {}
-    for event in events_of(told):
-        found.setdefault(event.person, []).append((event.what, event.time_s))
-    return sorted(found.values(), key=len)
+    results = run(made.rig, frames_of(made.detections)[int(9.5 * rate_hz) : int(17.0 * rate_hz)])
+    actual: dict[str, list[tuple[str, float]]] = {}
+    for event in events_of(results):
+        actual.setdefault(event.person, []).append((event.what, event.time_s))
+    return sorted(actual.values(), key=len)
 
 
-def test_an_empty_frame_is_a_miss_for_all(scene: CrowdScene) -> None:
+def test_empty_frame_is_a_missing_detection_of_all_tracks(scene: CrowdScene) -> None:
     frames = frames_of(scene.detections)
     tracker = Tracker(scene.rig, "body_20")
     before = [tracker.update(frame) for frame in frames[:40]][-1]
     nothing = without_rows(frames[40], np.zeros(len(frames[40].view), dtype=bool))
     empty = tracker.update(nothing)
-    assert list(known(empty)) == list(known(before))
-    for name, person in known(empty).items():
+    assert list(people_in_state(empty)) == list(people_in_state(before))
+    for name, person in people_in_state(empty).items():
         assert (person.rows == -1).all()
         assert not person.used.any()
-        assert person.log_odds < known(before)[name].log_odds
-        was = known(before)[name].covariance_m2[:, (0, 3, 5)].sum(axis=1)
+        assert person.log_odds < people_in_state(before)[name].log_odds
+        was = people_in_state(before)[name].covariance_m2[:, (0, 3, 5)].sum(axis=1)
         assert np.nanmean(person.covariance_m2[:, (0, 3, 5)].sum(axis=1)) > np.nanmean(was)
 
 
 def test_tracker_accepts_empty_frames(scene: CrowdScene) -> None:
     frames = frames_of(scene.detections)[:30]
-    told = run(scene.rig, [without_rows(f, np.zeros(len(f.view), dtype=bool)) for f in frames])
-    assert all(not people.people and not people.events for people in told)
+    results = run(scene.rig, [without_rows(f, np.zeros(len(f.view), dtype=bool)) for f in frames])
+    assert all(not people.people and not people.events for people in results)
 
 
 def test_frames_out_of_order_are_refused(scene: CrowdScene) -> None:
@@ -220,10 +220,10 @@ def test_frames_of_other_keypoints_or_cameras_are_refused(scene: CrowdScene) -> 
         Tracker(replace(scene.rig, cameras=scene.rig.cameras[:4]), "body_20").update(frame)
 
 
-def test_no_detection_is_assigned_twice(scene: CrowdScene, told: list[People]) -> None:
+def test_no_detection_is_assigned_twice(scene: CrowdScene, tracked: list[People]) -> None:
     frames = frames_of(scene.detections)
     claimed = 0
-    for frame, people in zip(frames, told, strict=True):
+    for frame, people in zip(frames, tracked, strict=True):
         rows = np.concatenate([person.rows[person.rows >= 0] for person in people.people] or [np.empty(0, int)])
         assert len(rows) == len(set(rows.tolist()))
         claimed += len(rows)
@@ -234,39 +234,39 @@ def test_no_detection_is_assigned_twice(scene: CrowdScene, told: list[People]) -
     assert claimed > 0.8 * sum(len(frame.view) for frame in frames)
 
 
-def test_no_more_people_than_asked_for(scene: CrowdScene) -> None:
-    told = run(scene.rig, frames_of(scene.detections), TrackerOptions(max_people=2))
-    most = [sum(p.state != TrackState.TENTATIVE for p in people.people) for people in told]
+def test_number_of_people_is_limited(scene: CrowdScene) -> None:
+    results = run(scene.rig, frames_of(scene.detections), TrackerOptions(max_people=2))
+    most = [sum(p.state != TrackState.TENTATIVE for p in people.people) for people in results]
     assert max(most) == 2
 
 
-def test_people_are_tentative_before_they_are_active_and_active_before_they_are_lost(scene: CrowdScene) -> None:
+def test_track_states_are_in_order(scene: CrowdScene) -> None:
     """All people are visible for 2 s and then gone."""
     frames = frames_of(scene.detections)
     frames = frames[:50] + [without_rows(f, np.zeros(len(f.view), dtype=bool)) for f in frames[50:]]
-    told = run(scene.rig, frames)
-    born = {e.person: e.number for e in events_of(told) if e.what == "confirmed"}
+    results = run(scene.rig, frames)
+    born = {e.person: e.number for e in events_of(results) if e.what == "confirmed"}
     assert len(born) == PEOPLE
     order = [TrackState.ACTIVE, TrackState.LOST]
     for name, number in born.items():
-        states = [person.state for people in told for person in people.people if person.name == name]
+        states = [person.state for people in results for person in people.people if person.name == name]
         assert states == sorted(states, key=order.index)
         assert set(states) == set(order)
         assert len(states) == len(frames) - number
-        at = known(told[number])[name].points_m
-        before = [np.nanmean(np.linalg.norm(p.points_m - at, axis=-1)) for p in told[number - 1].people]
-        tentative = [p.state == TrackState.TENTATIVE for p in told[number - 1].people]
+        at = people_in_state(results[number])[name].points_m
+        before = [np.nanmean(np.linalg.norm(p.points_m - at, axis=-1)) for p in results[number - 1].people]
+        tentative = [p.state == TrackState.TENTATIVE for p in results[number - 1].people]
         assert tentative[int(np.argmin(before))]
         assert min(before) < 0.3
 
 
-def test_single_view_detections_are_no_track(scene: CrowdScene, told: list[People]) -> None:
+def test_detections_of_a_single_view_start_no_track(scene: CrowdScene, tracked: list[People]) -> None:
     """A false detection in one view in all frames neither adds nor moves a person."""
     frames = [with_ghost(frame, 2, 400.0) for frame in frames_of(scene.detections)]
     others = run(scene.rig, frames)
     assert sum(len(frame.view) for frame in frames) == int(scene.detections.offsets[-1]) + len(frames)
-    for one, other in zip(told, others, strict=True):
-        assert list(known(one)) == list(known(other))
+    for one, other in zip(tracked, others, strict=True):
+        assert list(people_in_state(one)) == list(people_in_state(other))
     alone = [only_view(frame, 2) for frame in frames]
     assert all(not people.people for people in run(scene.rig, alone))
 
@@ -276,7 +276,7 @@ def only_view(frame: Frame, view: int) -> Frame:
     return without_rows(frame, frame.view == view)
 
 
-def test_views_that_take_turns_are_taken_into_account_in_turn():
+def test_times_of_views_improve_the_result():
     """Five views are taken one fifth of a frame apart: their times improve the result."""
     rate_hz, fine = 10.0, 5
     scene = simulate_crowd(
@@ -295,11 +295,11 @@ def test_views_that_take_turns_are_taken_into_account_in_turn():
         last.append(truth[first + fine - 1])
 
     def error_m(frames: list[Frame]) -> float:
-        told = run(scene.rig, frames)
+        results = run(scene.rig, frames)
         off = [
-            np.linalg.norm(person.points_m - there, axis=-1).mean()
-            for people, there in zip(told, last, strict=True)
-            for person in known(people).values()
+            np.linalg.norm(person.points_m - other, axis=-1).mean()
+            for people, other in zip(results, last, strict=True)
+            for person in people_in_state(people).values()
         ]
         assert len(off) > 0.8 * len(frames)
         return float(np.mean(off))
@@ -327,8 +327,8 @@ def test_displaced_limb_is_reinitialized(scene):
     after = [tracker.update(frame) for frame in frames[50:90]]
     assert any(event.what == "limb_reinitialized" and event.person == name for event in events_of(after))
     truth = np.asarray(scene.truth.layers["measured"].points_m)[89]
-    found = known(after[-1])[name].points_m
-    assert np.nanmin(np.linalg.norm(truth - found, axis=-1).mean(axis=-1)) < 0.08
+    actual = people_in_state(after[-1])[name].points_m
+    assert np.nanmin(np.linalg.norm(truth - actual, axis=-1).mean(axis=-1)) < 0.08
 
 
 def test_silent_camera_and_its_return_are_reported(scene: CrowdScene) -> None:
@@ -336,11 +336,11 @@ def test_silent_camera_and_its_return_are_reported(scene: CrowdScene) -> None:
     frames = frames_of(scene.detections)
     for gone in (without_view, dark):
         dark_frames = [gone(frame, 1) if 0.8 <= i / 25.0 < 3.4 else frame for i, frame in enumerate(frames)]
-        said = [event for event in events_of(run(scene.rig, dark_frames)) if event.what.startswith("camera")]
+        output = [event for event in events_of(run(scene.rig, dark_frames)) if event.what.startswith("camera")]
         name = scene.rig.names[1]
-        assert [(event.person, event.what) for event in said] == [(name, "camera_silent"), (name, "camera_back")]
-        assert said[0].time_s == pytest.approx(2.8, abs=0.3)
-        assert said[1].time_s == pytest.approx(3.6, abs=0.1)
+        assert [(event.person, event.what) for event in output] == [(name, "camera_silent"), (name, "camera_back")]
+        assert output[0].time_s == pytest.approx(2.8, abs=0.3)
+        assert output[1].time_s == pytest.approx(3.6, abs=0.1)
 
 
 def dark(frame: Frame, view: int) -> Frame:

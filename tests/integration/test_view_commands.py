@@ -20,22 +20,22 @@ def stored(tmp_path_factory):
 
 def test_overlay_of_a_folder_of_videos(run, stored, tmp_path):
     out = tmp_path / "out"
-    code, said, err = run("overlay", stored, "--video", stored / "videos", "--detections", stored / "keypoints.nc",
+    code, output, err = run("overlay", stored, "--video", stored / "videos", "--detections", stored / "keypoints.nc",
                           "-o", out)  # fmt: skip
     assert (code, err) == (0, "")
     assert sorted(entry.name for entry in out.iterdir()) == ["cam0_overlay.mp4", "cam1_overlay.mp4"]
-    assert f"{N_FRAMES} images" in said
+    assert f"{N_FRAMES} images" in output
     assert len(images_of(out / "cam1_overlay.mp4")) == N_FRAMES
 
 
-def test_overlay_of_one_video_names_the_cameras_left_out(run, stored, tmp_path):
+def test_overlay_of_one_video_names_the_other_cameras(run, stored, tmp_path):
     video = stored / "videos" / "cam0.mp4"
-    code, said, _ = run(
+    code, output, _ = run(
         "overlay", stored, "--video", f"cam0={video}", "--offset-s", "cam0=0.04", "-o", tmp_path / "out"
     )
     assert code == 0
-    assert f"{N_FRAMES - 1} images" in said
-    assert "no video of cam1; --blank" in said
+    assert f"{N_FRAMES - 1} images" in output
+    assert "no video of cam1; --blank" in output
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,7 @@ def test_overlay_of_one_video_names_the_cameras_left_out(run, stored, tmp_path):
         ((), "--blank"),
     ],
 )
-def test_wrong_calls_say_what_is_right(run, stored, tmp_path, arguments, complaint):
+def test_invalid_arguments_have_a_remedy(run, stored, tmp_path, arguments, complaint):
     code, _, err = run("overlay", stored, *arguments, "-o", tmp_path / "out")
     assert code != 0
     assert complaint in err
@@ -59,10 +59,10 @@ def test_wrong_calls_say_what_is_right(run, stored, tmp_path, arguments, complai
 def test_view_saves_a_scene(run, stored, tmp_path, monkeypatch):
     pytest.importorskip("rerun", reason="rerun-sdk, of the extra view, is not installed")
     scene = tmp_path / "scene.rrd"
-    code, said, _ = run("view", stored, "--recording", stored / "keypoints.nc", "--video", stored / "videos",
+    code, output, _ = run("view", stored, "--recording", stored / "keypoints.nc", "--video", stored / "videos",
                         "--end-s", "0.2", "--save", scene)  # fmt: skip
     assert code == 0
-    assert f"rerun {scene}" in said.replace("\n", " ")
+    assert f"rerun {scene}" in output.replace("\n", " ")
     assert scene.read_bytes()[:3] == b"RRF"
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)

@@ -1,4 +1,4 @@
-"""A real Anipose calibration: its conventions are proven by what reprojects."""
+"""A real Anipose calibration: reprojection errors confirm its conventions."""
 
 import h5py
 import numpy as np
@@ -8,7 +8,7 @@ import posefuse
 from posefuse.skeleton.skeletons import Skeleton
 
 
-def test_the_good_calibration_of_the_mouse_reprojects(shared_data):
+def test_correct_mouse_calibration_has_small_reprojection_errors(shared_data):
     folder = shared_data("sleap_mouse")
     rig = posefuse.read_cameras(folder / "calibration_0b26179_good.toml")
     assert rig.names == ("back", "mid", "side", "top")
@@ -27,9 +27,9 @@ def test_the_good_calibration_of_the_mouse_reprojects(shared_data):
 
 
 @pytest.mark.parametrize("name", ["calibration.toml", "calibration_0b26179_good.toml"])
-def test_a_mouse_is_not_a_house(name, shared_data):
-    """In millimetres, as Anipose's are unless it is said otherwise, the cameras stand some decimetres apart."""
+def test_camera_distances_are_plausible_in_millimeters(name, shared_data):
+    """Anipose calibrations are in millimeters by default, so that the cameras are some decimeters apart."""
     rig = posefuse.read_cameras(shared_data("sleap_mouse") / name)
-    assert rig.metres_per_unit == 0.001
-    centres = np.array([camera.centre_m for camera in rig.cameras])
-    assert 0.1 < np.linalg.norm(centres - centres[0], axis=1).max() < 2.0
+    assert rig.meters_per_unit == 0.001
+    centers = np.array([camera.center_m for camera in rig.cameras])
+    assert 0.1 < np.linalg.norm(centers - centers[0], axis=1).max() < 2.0

@@ -1,4 +1,4 @@
-"""What the health check says of real recordings."""
+"""Findings of the diagnostics in real recordings."""
 
 import pytest
 
@@ -16,7 +16,7 @@ def inspected(folder, calibration: str, keypoints: str):
     return inspect_health(read_cameras(folder / calibration), detections)
 
 
-def test_the_copied_camera_of_the_mouse_is_named(shared_data):
+def test_copied_mouse_camera_is_identified(shared_data):
     worst = inspected(shared_data("sleap_mouse"), "calibration.toml", ".")[0]
     assert (worst.kind, worst.cameras) == (FindingKind.COPIED_POSE, ("side",))
     assert "'top'" in worst.sentence
@@ -31,5 +31,5 @@ def test_the_copied_camera_of_the_mouse_is_named(shared_data):
         ("pose2sim", "calibration/Calib_qualisys.toml", "static_one_person/pose-associated"),
     ],
 )
-def test_nothing_is_said_of_good_calibrations(shared_data, folder, calibration, keypoints):
+def test_correct_calibrations_have_no_findings(shared_data, folder, calibration, keypoints):
     assert inspected(shared_data(folder), calibration, keypoints) == ()

@@ -29,12 +29,12 @@ INSPECTED = {
 
 
 @pytest.mark.parametrize("name", INSPECTED)
-def test_inspect_reads_it_by_its_own_format(name, shared_data, capsys):
+def test_inspect_recognizes_the_format(name, shared_data, capsys):
     main(["inspect", str(shared_data(name))])
-    said = " ".join(capsys.readouterr().out.split())
+    output = " ".join(capsys.readouterr().out.split())
     for words in INSPECTED[name]:
-        assert words in said
-    unread = said.count("cannot be read")
+        assert words in output
+    unread = output.count("cannot be read")
     # Two sets of lenses of Wildtrack's cameras are there, and are not chosen between.
     assert unread == (name == "calibration_formats")
 
@@ -46,22 +46,22 @@ def points_m(rig: CameraRig, pixels: np.ndarray) -> np.ndarray:
         rig: the cameras.
         pixels: shape (point, view, 2), NaN where not seen.
     """
-    seen = np.isfinite(pixels).all(axis=-1)
+    visible = np.isfinite(pixels).all(axis=-1)
     rows = []
     for v, camera in enumerate(rig.cameras):
-        rays = camera.rays(np.where(seen[:, v, None], pixels[:, v], 0.0))[0]
+        rays = camera.rays(np.where(visible[:, v, None], pixels[:, v], 0.0))[0]
         plane = rays[:, :2] / rays[:, 2:]
         pose = camera.camera_from_world[:3]
-        rows.append(np.where(seen[:, v, None, None], plane[:, :, None] * pose[2] - pose[:2], 0.0))
-    enough = seen.sum(axis=1) >= 2
-    found = np.linalg.svd(np.concatenate(rows, axis=1)[enough])[2][:, -1]
+        rows.append(np.where(visible[:, v, None, None], plane[:, :, None] * pose[2] - pose[:2], 0.0))
+    enough = visible.sum(axis=1) >= 2
+    actual = np.linalg.svd(np.concatenate(rows, axis=1)[enough])[2][:, -1]
     points = np.full((len(pixels), 3), np.nan)
-    points[enough] = found[:, :3] / found[:, 3:]
+    points[enough] = actual[:, :3] / actual[:, 3:]
     return points
 
 
 def errors_px(rig: CameraRig, pixels: np.ndarray) -> np.ndarray:
-    """Shape (point, view): how far the points lie from where they were seen."""
+    """Return reprojection errors, shape (point, view)."""
     return np.linalg.norm(np.moveaxis(rig.project(points_m(rig, pixels)), 0, 1) - pixels, axis=-1)
 
 
@@ -77,10 +77,10 @@ def medians_px(calibration, keypoints, **options) -> np.ndarray:
     return np.nanmedian(errors_px(*read(calibration, keypoints, **options)), axis=0)
 
 
-def within_a_tenth(found: np.ndarray, least: float, most: float) -> None:
+def within_a_tenth(actual: np.ndarray, least: float, most: float) -> None:
     """Of a range that the notes give over cameras."""
-    assert np.min(found) == pytest.approx(least, rel=0.1) or least <= np.min(found) <= most
-    assert np.max(found) == pytest.approx(most, rel=0.1) or least <= np.max(found) <= most
+    assert np.min(actual) == pytest.approx(least, rel=0.1) or least <= np.min(actual) <= most
+    assert np.max(actual) == pytest.approx(most, rel=0.1) or least <= np.max(actual) <= most
 
 
 @pytest.mark.parametrize("calibration", ["Calib.qca.txt", "Calib_qualisys.toml"])
@@ -95,7 +95,7 @@ def test_caliscope(shared_data):
     within_a_tenth(medians_px(folder / "config.toml", folder), 8, 18)
 
 
-def test_the_mouse_before_its_two_calibrations(shared_data):
+def test_mouse_with_two_calibrations(shared_data):
     """The notes' figure of the broken one is that of the wrong camera against the others."""
     folder = shared_data("sleap_mouse")
     within_a_tenth(medians_px(folder / "calibration_0b26179_good.toml", folder), 4, 9)
@@ -108,23 +108,23 @@ def test_the_mouse_before_its_two_calibrations(shared_data):
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_the_fly_before_long_lenses(seed, shared_data):
+def test_fly_with_telephoto_lenses(seed, shared_data):
     folder = shared_data("fly_3cam")
     within_a_tenth(medians_px(folder / "calibration.toml", folder / f"*rng={seed}.csv"), 1.1, 1.9)
 
 
-def test_the_fly_of_seven_cameras(shared_data):
+def test_fly_with_seven_cameras(shared_data):
     file = shared_data("deepfly_7cam") / "deepfly_7cam.npz"
     within_a_tenth(medians_px(file, file, exclude_camera=("3",)), 2.7, 3.8)
 
 
-def test_labels_that_are_projected_points(shared_data):
-    """The notes say 0.1 to 0.9 px; read with its lenses as the file means them, nothing is left."""
+def test_projected_labels_reproject(shared_data):
+    """The notes of the data state 0.1 to 0.9 px; with the correct lens model the errors vanish."""
     file = shared_data("dannce_mouse") / "label3d_demo.mat"
     assert medians_px(file, file).max() < 1e-6
 
 
-def test_a_first_guess_of_twelve_cameras(shared_data):
+def test_initial_calibration_of_twelve_cameras(shared_data):
     """Points that four cameras see, as bundle adjustment takes them."""
     folder = shared_data("mouse_outdoor_12cam")
     rig = read_cameras(folder / "calibration_right_4_10_2026_adjusted.toml")
@@ -136,8 +136,8 @@ def test_a_first_guess_of_twelve_cameras(shared_data):
     assert np.nanmedian(errors_px(rig, pixels[some])) == pytest.approx(22, rel=0.1)
 
 
-def test_the_operating_room(shared_data):
-    """By hand, triangulated with all three views; detected, against the known positions."""
+def test_operating_room(shared_data):
+    """Manual labels are triangulated from all three views; detections are compared with the known positions."""
     folder = shared_data("mvor")
     rig = read_cameras(folder / "camma_mvor_2018.json")
     data = mvor.read_mvor(folder)

@@ -1,7 +1,7 @@
-"""A real mouse, whose skeleton says nothing of how it moves, followed as one of many."""
+"""A real mouse without a kinematic tree, tracked as one of several people."""
 
 import numpy as np
-from benchmarks import real
+from benchmarks import real_recordings
 
 import posefuse
 from posefuse.kinematics.initial_pose import pose_from_points
@@ -10,8 +10,8 @@ from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.skeleton.trees import CONE, TWIST
 
 
-def test_the_mouse_is_one_animal_all_the_time(shared_data):
-    rig, detections = real.sleap_mouse(shared_data("sleap_mouse").parent)
+def test_mouse_keeps_one_identity(shared_data):
+    rig, detections = real_recordings.sleap_mouse(shared_data("sleap_mouse").parent)
     assert detections.skeleton.tree is None
     detections = detections if detections.rate_hz else detections.with_rate(60)
     result = posefuse.reconstruct(rig, detections, posefuse.Options(people="many"))
@@ -25,7 +25,7 @@ def test_the_mouse_is_one_animal_all_the_time(shared_data):
     assert np.nanmedian(apart) < 0.003
 
 
-def test_joints_of_a_mouse_labelled_by_hand_keep_their_limits(shared_data):
+def test_hand_labeled_mouse_joints_are_within_limits(shared_data):
     file = shared_data("dannce_mouse") / "label3d_demo.mat"
     detections = posefuse.read_detections(file).with_rate(30)
     result = posefuse.reconstruct(
@@ -41,9 +41,9 @@ def test_joints_of_a_mouse_labelled_by_hand_keep_their_limits(shared_data):
         for limit in tree.limits:
             axis = turns[limit.segment] @ np.array(limit.axis)
             if limit.kind == TWIST:
-                there = axis @ turns[limit.bone] @ np.array(limit.axis)
+                other = axis @ turns[limit.bone] @ np.array(limit.axis)
             elif limit.kind == CONE:
-                there = axis @ bones[limit.bone][:, 2]
+                other = axis @ bones[limit.bone][:, 2]
             else:
-                there = axis @ np.cross(bones[limit.before][:, 2], bones[limit.bone][:, 2])
-            assert there > limit.least
+                other = axis @ np.cross(bones[limit.before][:, 2], bones[limit.bone][:, 2])
+            assert other > limit.least

@@ -22,7 +22,7 @@ def test_dannce_labels_reproject(shared_data):
     assert max(errors) < 1e-6  # the demonstration's labels are projected points
 
 
-def test_the_fisheye_scene_is_one(shared_data):
+def test_fisheye_views_agree(shared_data):
     folder = shared_data("calibration_formats") / "acinoset_fisheye"
     rig = read_cameras(folder / "4_cam_scene_sba_thursday_kiara.json")
     corners = json.loads((folder / "corners_cam1_cam2_subset.json").read_text())
@@ -41,11 +41,11 @@ def nearest_to_rays(rig, pixels) -> np.ndarray:
         direction = camera.rotation.T @ camera.rays(pixel)[0]
         across = np.eye(3) - np.outer(direction, direction)
         system += across
-        right += across @ camera.centre_m
+        right += across @ camera.center_m
     return np.linalg.solve(system, right)
 
 
-def test_both_rotations_of_caliscope_agree(shared_data, tmp_path):
+def test_both_rotation_formats_of_caliscope_agree(shared_data, tmp_path):
     path = shared_data("caliscope_webcams") / "config.toml"
     rig = read_cameras(path)
     text = path.read_text()
@@ -71,7 +71,7 @@ def test_both_rotations_of_caliscope_agree(shared_data, tmp_path):
         ),
     ],
 )
-def test_cameras_of_a_scene_look_at_the_same_place(shared_data, path, unit, names):
+def test_optical_axes_of_a_scene_meet(shared_data, path, unit, names):
     rig = read_cameras(shared_data("calibration_formats") / path, length_unit=unit)
     assert rig.names == names
     middle = nearest_to_rays(rig, [camera.matrix[:2, 2] for camera in rig.cameras])

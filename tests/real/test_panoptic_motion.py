@@ -9,21 +9,21 @@ from posefuse.synthetic.crowds import CrowdScene, Kind, crowd_of_points
 
 
 def check(scene: CrowdScene, points_m: np.ndarray) -> None:
-    """Everybody is seen by most cameras, near where they are."""
-    found = scene.detections
-    cell = np.repeat(np.arange(found.n_frames * found.n_views), found.people_counts.ravel())
-    frame, view = cell // found.n_views, cell % found.n_views
+    """Most cameras detect every person close to the true position."""
+    actual = scene.detections
+    cell = np.repeat(np.arange(actual.n_frames * actual.n_views), actual.people_counts.ravel())
+    frame, view = cell // actual.n_views, cell % actual.n_views
     person = scene.kind == Kind.PERSON
     exact = scene.rig.project(points_m)[view, frame, scene.owner][person]
-    error = np.linalg.norm(np.asarray(found.keypoints_px)[person] - exact, axis=-1)
+    error = np.linalg.norm(np.asarray(actual.keypoints_px)[person] - exact, axis=-1)
     # 4.5 px / c at 1000 px is 11.5 px at 1920 and c = 0.75; the median norm of two such errors is half as much again.
     assert np.nanmedian(error) == pytest.approx(18.0, abs=6.0)
-    seen = np.zeros((found.n_frames, points_m.shape[1], found.n_views), dtype=bool)
-    seen[frame[person], scene.owner[person], view[person]] = True
-    assert (seen.sum(axis=2) >= 3).mean() > 0.95
+    visible = np.zeros((actual.n_frames, points_m.shape[1], actual.n_views), dtype=bool)
+    visible[frame[person], scene.owner[person], view[person]] = True
+    assert (visible.sum(axis=2) >= 3).mean() > 0.95
 
 
-def test_one_person(shared_data):
+def test_single_person(shared_data):
     motion = panoptic.one_person(shared_data("panoptic_motion").parent)
     points = motion.points_m[:600]
     check(crowd_of_points(points, motion.rig, motion.skeleton, motion.rate_hz), points)
@@ -36,14 +36,14 @@ def test_three_people(shared_data, sequence):
     check(crowd_of_points(motion.points_m, motion.rig, motion.skeleton, motion.rate_hz), motion.points_m)
 
 
-def test_a_leg_that_is_seen_late_is_followed(shared_data):
-    """Of one of the band, who sits, the first frames show no leg; it points far from where a leg at rest does."""
+def test_leg_that_is_detected_late_is_tracked(shared_data):
+    """The first frames show no leg of a sitting person, whose direction is far from the rest pose."""
     motion = panoptic.three_people(shared_data("panoptic_three_people").parent)
     scene = crowd_of_points(motion.points_m, motion.rig, motion.skeleton, motion.rate_hz)
     result = reconstruct(scene.rig, scene.detections, Options(people="many"))
-    found = np.asarray(result.layers["model"].points_m)
-    errors_m = np.linalg.norm(found[:, :, None] - motion.points_m[:, None], axis=-1)
-    mine = np.nanmedian(errors_m, axis=(0, 3)).argmin(axis=0)
-    assert len(set(mine.tolist())) == 3
+    actual = np.asarray(result.layers["model"].points_m)
+    errors_m = np.linalg.norm(actual[:, :, None] - motion.points_m[:, None], axis=-1)
+    first = np.nanmedian(errors_m, axis=(0, 3)).argmin(axis=0)
+    assert len(set(first.tolist())) == 3
     knee = motion.skeleton.index("right_knee")
-    assert all(np.nanmedian(errors_m[:, p, t, knee]) < 0.1 for t, p in enumerate(mine))
+    assert all(np.nanmedian(errors_m[:, p, t, knee]) < 0.1 for t, p in enumerate(first))

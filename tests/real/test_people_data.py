@@ -17,7 +17,7 @@ def operating_room():
     return read
 
 
-def test_mvor_is_read_whole_and_its_truth_fits_its_images(operating_room, shared_data):
+def test_mvor_truth_reprojects(operating_room, shared_data):
     data = operating_room(shared_data)
     assert (data.detections.n_frames, int(data.detections.offsets[-1])) == (732, 4091)
     assert sum(len(each) for each in data.truth_m) == 1057
@@ -29,36 +29,36 @@ def test_mvor_is_read_whole_and_its_truth_fits_its_images(operating_room, shared
     assert np.nanmedian(np.linalg.norm(errors, axis=-1)) < 9.0
 
 
-def test_an_oracle_s_error_in_mvor(operating_room, shared_data):
-    """The data's notes say 60 mm with three views and 83 mm with two, not of which joints: within a tenth of them."""
+def test_oracle_error_in_mvor(operating_room, shared_data):
+    """The notes of the data state 60 mm with three views and 83 mm with two, without naming the joints."""
     data = operating_room(shared_data)
     points, _ = mvor.oracle(data)
-    found = mvor.score(data, [each[np.isfinite(each).all(axis=-1).any(axis=-1)] for each in points])
-    assert found.oracle_error_mm_by_views[3] == pytest.approx(60, rel=0.1)
-    assert found.oracle_error_mm_by_views[2] == pytest.approx(83, rel=0.1)
-    assert found.error_mm == pytest.approx(found.oracle_error_mm)
-    assert found.relative_recall == 1
-    assert found.false_share == 0
+    actual = mvor.score(data, [each[np.isfinite(each).all(axis=-1).any(axis=-1)] for each in points])
+    assert actual.oracle_error_mm_by_views[3] == pytest.approx(60, rel=0.1)
+    assert actual.oracle_error_mm_by_views[2] == pytest.approx(83, rel=0.1)
+    assert actual.error_mm == pytest.approx(actual.oracle_error_mm)
+    assert actual.relative_recall == 1
+    assert actual.false_share == 0
 
 
 def test_proposals_in_mvor(operating_room, shared_data):
-    """Nearly everybody the oracle finds, no farther off than with the oracle's detections."""
+    """Proposals match nearly all people of the oracle with similar errors."""
     data = operating_room(shared_data)
-    found = mvor.score(data, mvor.proposed(data, "groups"))
-    assert found.relative_recall >= 0.95
-    assert found.error_mm_by_views[3] <= 1.1 * 60
-    assert found.error_mm_by_views[2] <= 1.1 * 83
-    assert found.false_share <= 0.05
+    actual = mvor.score(data, mvor.proposed(data, "groups"))
+    assert actual.relative_recall >= 0.95
+    assert actual.error_mm_by_views[3] <= 1.1 * 60
+    assert actual.error_mm_by_views[2] <= 1.1 * 83
+    assert actual.false_share <= 0.05
 
 
-def test_proposals_elsewhere_are_false_in_mvor(operating_room, shared_data):
-    """The same people a metre aside."""
+def test_displaced_proposals_are_false_in_mvor(operating_room, shared_data):
+    """The same people a meter aside."""
     data = operating_room(shared_data)
     points, _ = mvor.oracle(data)
     away = [each[np.isfinite(each).all(axis=-1).any(axis=-1)] + np.array([1.0, 0.0, 0.0]) for each in points]
-    found = mvor.score(data, away)
-    assert found.relative_recall < 0.2
-    assert found.false_share > 0.3
+    actual = mvor.score(data, away)
+    assert actual.relative_recall < 0.2
+    assert actual.false_share > 0.3
 
 
 def test_panoptic_people_stand_on_the_floor(shared_data):

@@ -16,7 +16,7 @@ def trial(shared_data):
     return shared_data("pose2sim") / "balancing_one_person"
 
 
-def test_both_calibrations_are_the_same_rig(shared_data):
+def test_both_calibration_files_give_the_same_rig(shared_data):
     """K, R and t agree; the TOML's distortion is the Qualisys file's divided by 64, its converter's slip."""
     folder = shared_data("pose2sim") / "calibration"
     qualisys = posefuse.read_cameras(folder / "Calib.qca.txt")
@@ -51,7 +51,7 @@ def test_reconstruction_agrees_with_the_reference(calibration, shared_data, tria
     assert (result.n_frames, result.rate_hz) == (100, 60)
 
 
-def test_exports_open_elsewhere_with_rate_units_and_axes(shared_data, trial, tmp_path):
+def test_other_programs_read_rate_units_and_axes_of_exports(shared_data, trial, tmp_path):
     main(
         [
             "reconstruct", str(trial), "--output", str(tmp_path / "out"), "--rate-hz", "60",
@@ -68,32 +68,32 @@ def test_exports_open_elsewhere_with_rate_units_and_axes(shared_data, trial, tmp
     # y is up in a TRC: the head is on top, the heels are at the bottom.
     assert heights[names.index("head_top")] == pytest.approx(heights.max())
     assert heights[names.index("head_top")] - heights[names.index("left_heel")] == pytest.approx(1.6, abs=0.2)
-    found = ezc3d.c3d(str(tmp_path / "out" / "person_1.c3d"))
-    point = found["parameters"]["POINT"]
+    actual = ezc3d.c3d(str(tmp_path / "out" / "person_1.c3d"))
+    point = actual["parameters"]["POINT"]
     assert (point["RATE"]["value"][0], point["UNITS"]["value"]) == (60.0, ["mm"])
     assert point["Y_SCREEN"]["value"] == ["+Z"]
-    z = np.nanmedian(found["data"]["points"][2], axis=1)
+    z = np.nanmedian(actual["data"]["points"][2], axis=1)
     np.testing.assert_allclose(z, 1000 * heights, atol=0.5)
 
 
-def test_the_largest_person_is_the_subject(shared_data, trial):
+def test_largest_person_is_the_subject(shared_data, trial):
     """The folder before association has up to three people a view; the subject is the one in front."""
     rig = posefuse.read_cameras(shared_data("pose2sim") / "calibration" / "Calib.qca.txt")
     everyone = posefuse.read_detections(trial / "pose")
     alone = posefuse.read_detections(trial / "pose-associated")
     picked = posefuse.reconstruct(rig, everyone, posefuse.Options(pick="largest")).layers["measured"]
-    known = posefuse.reconstruct(rig, alone).layers["measured"]
-    distance = np.linalg.norm(picked.points_m - known.points_m, axis=-1)
+    result = posefuse.reconstruct(rig, alone).layers["measured"]
+    distance = np.linalg.norm(picked.points_m - result.points_m, axis=-1)
     assert np.nanmedian(distance) < 0.02
 
 
-def test_two_people_are_told_by_their_place_in_the_list(shared_data):
+def test_two_people_are_distinguished_by_list_index(shared_data):
     detections = posefuse.read_detections(shared_data("pose2sim") / "two_people" / "pose-associated")
     assert set(np.asarray(detections.track_ids).tolist()) == {0, 1}
     assert detections.people_counts.max() == 2
 
 
-def test_methods_side_by_side(shared_data, trial, tmp_path):
+def test_methods_are_compared(shared_data, trial, tmp_path):
     """Views are noisy but right: consensus leaves little out, and the methods that need three views miss a tenth."""
     main(
         [

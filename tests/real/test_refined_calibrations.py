@@ -1,4 +1,4 @@
-"""Real calibrations that are wrong, put right: by a board, by a moving subject, and not where that cannot be."""
+"""Refinement of wrong real calibrations by a board and by a moving subject, and its limits."""
 
 import h5py
 import numpy as np
@@ -16,7 +16,7 @@ from posefuse.skeleton.skeletons import Skeleton
 ONE = Options(people="one")
 
 
-def test_a_copied_camera_is_located_by_the_corners_of_a_board(shared_data):
+def test_copied_camera_is_located_by_board_corners(shared_data):
     """The camera's lens was copied as well: a focal length of 965 px that is 751."""
     folder = shared_data("sleap_mouse")
     rig = posefuse.read_cameras(folder / "calibration.toml")
@@ -26,7 +26,7 @@ def test_a_copied_camera_is_located_by_the_corners_of_a_board(shared_data):
     assert result["side"].before_px > 50
     assert result["side"].after_px < 1.0
     good = posefuse.read_cameras(folder / "calibration_0b26179_good.toml")
-    assert np.linalg.norm(result.rig["side"].centre_m - good["side"].centre_m) < 0.003
+    assert np.linalg.norm(result.rig["side"].center_m - good["side"].center_m) < 0.003
     assert result.rig["side"].matrix[0, 0] == pytest.approx(good["side"].matrix[0, 0], rel=0.01)
     kept_back, _ = board.dense()
     points = posefuse.triangulate(good, board, ONE).layers["measured"].points_m[held_out_frames(board.n_frames), 0]
@@ -37,7 +37,7 @@ def test_a_copied_camera_is_located_by_the_corners_of_a_board(shared_data):
 
 
 @pytest.mark.long
-def test_a_mouse_alone_tells_too_little_and_nothing_of_lenses(shared_data):
+def test_mouse_alone_does_not_determine_lenses(shared_data):
     folder = shared_data("sleap_mouse")
     views, nodes = [], []
     rig = posefuse.read_cameras(folder / "calibration.toml")
@@ -55,7 +55,7 @@ def test_a_mouse_alone_tells_too_little_and_nothing_of_lenses(shared_data):
 
 
 @pytest.mark.long
-def test_twelve_cameras_from_a_first_guess(shared_data):
+def test_twelve_cameras_are_refined_from_an_initial_calibration(shared_data):
     folder = shared_data("mouse_outdoor_12cam")
     rig = posefuse.read_cameras(folder / "calibration_right_4_10_2026_adjusted.toml")
     pixels = np.load(folder / "points_right_4_10_2026_sub.npz")["p2d"].transpose(1, 0, 2)[:, :, None]

@@ -1,4 +1,4 @@
-"""Real people followed: two and a passer-by in four cameras, and recorded motion through the simulated detector."""
+"""Real people tracked: two and a passer-by in four cameras, and recorded motion through the simulated detector."""
 
 from dataclasses import replace
 
@@ -21,17 +21,17 @@ from posefuse.synthetic.crowds import crowd_of_points
 def follow():
     cache: dict[str, Reconstruction] = {}
 
-    def followed(shared_data) -> Reconstruction:
+    def tracked(shared_data) -> Reconstruction:
         if not cache:
             folder = shared_data("pose2sim")
             rig = posefuse.read_cameras(folder / "calibration" / "Calib.qca.txt")
             detections = posefuse.read_detections(folder / "two_people" / "pose").with_rate(60.0)
-            # Said, not surveyed: one of the two was drawn into the recording, and errs by nothing but the calibration.
+            # One of the two people was rendered into the recording, with no error but that of the calibration.
             options = posefuse.Options(people="many", noise_scale_px=10, solve="trajectory")
             cache["result"] = posefuse.reconstruct(rig, detections, options)
         return cache["result"]
 
-    return followed
+    return tracked
 
 
 def score(shared_data, result: Reconstruction, layer) -> PeopleScores:
@@ -41,7 +41,7 @@ def score(shared_data, result: Reconstruction, layer) -> PeopleScores:
     return score_people(with_truths(result, [truth_finder(file)(result) for file in files], ["P1", "P2"]))
 
 
-def test_two_lasting_people_and_a_passer_by(follow, shared_data):
+def test_two_people_and_a_passer_by_are_tracked(follow, shared_data):
     """The two in all views from 0.15 s on, the third in the two views that show him, never mixed."""
     result = follow(shared_data)
     state, detection = np.asarray(result.tracks.state), np.asarray(result.tracks.detection)
@@ -56,16 +56,16 @@ def test_two_lasting_people_and_a_passer_by(follow, shared_data):
 
 
 @pytest.mark.parametrize("layer", ["measured", "solved", "model"])
-def test_both_agree_with_the_reference(follow, shared_data, layer):
-    found = score(shared_data, follow(shared_data), layer)
-    assert found.clear[0].switches == 0
-    assert found.clear[0].recall > 0.9
-    assert found.median_mm <= 40
-    assert max(person.mpjpe_mm for person in found.people) <= 40
-    assert [ghost.ever_matched for ghost in found.ghosts] == [False]
+def test_both_people_agree_with_the_reference(follow, shared_data, layer):
+    actual = score(shared_data, follow(shared_data), layer)
+    assert actual.clear[0].switches == 0
+    assert actual.clear[0].recall > 0.9
+    assert actual.median_mm <= 40
+    assert max(person.mpjpe_mm for person in actual.people) <= 40
+    assert [ghost.ever_matched for ghost in actual.ghosts] == [False]
 
 
-def test_each_of_the_two_is_solved_over_the_whole_recording(follow, shared_data):
+def test_trajectories_of_both_people_are_solved(follow, shared_data):
     """All points of both, smoother than they were measured, their bones of one length; the passer-by his own."""
     result = follow(shared_data)
     state = np.asarray(result.tracks.state)
@@ -76,27 +76,27 @@ def test_each_of_the_two_is_solved_over_the_whole_recording(follow, shared_data)
         own = [points[:, person] for points in (measured, solved)]
         varies = [bone_variation(points, bones) for points in own]
         bends_m = [np.nanmedian(np.abs(np.diff(points, 2, axis=0))) for points in own]
-        # The one who was drawn into the recording hardly errs at all, as measured.
+        # The rendered person has very small errors in the measured layer.
         assert varies[1] < max(0.5 * varies[0], 0.003)
         assert bends_m[1] < 0.7 * bends_m[0]
     source = np.asarray(result.layers["solved"].source)
-    there = np.asarray(result.layers["solved"].has_point)
-    assert set(np.unique(source[there])) <= {Source.TRAJECTORY, Source.FILLED}
-    assert not there[state == TrackState.ABSENT].any()
-    seen = np.isfinite(measured[..., 0])
-    assert np.isfinite(solved[..., 0])[seen].mean() > 0.99
+    present = np.asarray(result.layers["solved"].has_point)
+    assert set(np.unique(source[present])) <= {Source.TRAJECTORY, Source.FILLED}
+    assert not present[state == TrackState.ABSENT].any()
+    visible = np.isfinite(measured[..., 0])
+    assert np.isfinite(solved[..., 0])[visible].mean() > 0.99
 
 
 def test_recorded_motion_of_one_person(shared_data):
     """A real person's way of moving, through the simulated detector with all its faults.
 
-    A median: the recording's right eye and ear jump by decimetres.
+    A median: the recording's right eye and ear jump by decimeters.
     """
     motion = panoptic.one_person(shared_data("panoptic_motion").parent)
     made = crowd_of_points(motion.points_m[:600], motion.rig, motion.skeleton, motion.rate_hz)
     result = posefuse.reconstruct(made.rig, made.detections, posefuse.Options(people="many"))
-    found = score_people(people_points(result, made.truth))
-    assert found.clear[0].switches == 0
-    assert found.recall_after_entry > 0.995
-    assert max((ghost.longest for ghost in found.ghosts), default=0) <= 10
-    assert found.median_mm < 25
+    actual = score_people(people_points(result, made.truth))
+    assert actual.clear[0].switches == 0
+    assert actual.recall_after_entry > 0.995
+    assert max((ghost.longest for ghost in actual.ghosts), default=0) <= 10
+    assert actual.median_mm < 25

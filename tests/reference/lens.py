@@ -41,10 +41,10 @@ def ray(camera: Camera, pixel: np.ndarray, max_radius: float) -> np.ndarray:
         theta = brentq(lambda t: fisheye_radius(camera, t) - radius, 0.0, max_radius, xtol=1e-14)
         across = np.sin(theta) / radius if radius > 0 else 0.0
         return np.array([across * x_d, across * y_d, np.cos(theta)])
-    found = least_squares(
+    actual = least_squares(
         lambda xy: np.subtract(distort(camera, *xy), (x_d, y_d)), (x_d, y_d), xtol=1e-15, ftol=1e-15, gtol=1e-15
     ).x
-    direction = np.array([*found, 1.0])
+    direction = np.array([*actual, 1.0])
     return direction / np.linalg.norm(direction)
 
 

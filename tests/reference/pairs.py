@@ -36,9 +36,9 @@ def cheapest(rig: CameraRig, pixels: np.ndarray, sigma_px: float, full: float, n
         full, none: in squared sigmas.
     """
     bound = full + (none - full) / 3.0
-    there = np.isfinite(pixels).all(axis=-1)
+    present = np.isfinite(pixels).all(axis=-1)
     sets = every_set(len(rig))
-    possible = np.array([all(label < 0 or there[v, label] for v, label in enumerate(chosen)) for chosen in sets])
+    possible = np.array([all(label < 0 or present[v, label] for v, label in enumerate(chosen)) for chosen in sets])
     sets = sets[possible & ((sets >= 0).sum(axis=1) >= 2)]
     squared = np.full((1, len(rig), 2), none)
     if len(sets):
@@ -50,16 +50,16 @@ def cheapest(rig: CameraRig, pixels: np.ndarray, sigma_px: float, full: float, n
     for v in range(len(rig)):
         straight = cost[:, None, v, 0] + cost[None, :, v, 1]
         crossed = cost[:, None, v, 1] + cost[None, :, v, 0]
-        as_labelled = straight <= crossed
+        as_labeled = straight <= crossed
         total += np.minimum(straight, crossed)
-        held[0] += np.where(as_labelled, near[:, None, v, 0], near[:, None, v, 1])
-        held[1] += np.where(as_labelled, near[None, :, v, 1], near[None, :, v, 0])
-    left_over = held.sum(axis=0) < there.sum()
-    nobody = np.arange(len(cost)) == len(cost) - 1
-    fixed = [(held[0] >= 2) | nobody[:, None], (held[1] >= 2) | nobody[None]]
-    lacking = (nobody[:, None] | nobody[None]) & left_over
+        held[0] += np.where(as_labeled, near[:, None, v, 0], near[:, None, v, 1])
+        held[1] += np.where(as_labeled, near[None, :, v, 1], near[None, :, v, 0])
+    left_over = held.sum(axis=0) < present.sum()
+    empty = np.arange(len(cost)) == len(cost) - 1
+    fixed = [(held[0] >= 2) | empty[:, None], (held[1] >= 2) | empty[None]]
+    lacking = (empty[:, None] | empty[None]) & left_over
     total = np.where(fixed[0] & fixed[1], total - bound * lacking, np.inf)
-    return float(total.min() - bound * (~there).sum())
+    return float(total.min() - bound * (~present).sum())
 
 
 def squared_residuals(

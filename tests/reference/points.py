@@ -32,9 +32,9 @@ def maximum_likelihood_point(
             ]
         )
 
-    found = least_squares(residuals, start, method="lm", xtol=1e-14, ftol=1e-14, gtol=1e-14)
-    jacobian = np.stack([_derivative(residuals, found.x, axis) for axis in range(3)], axis=1)
-    return found.x, np.linalg.inv(jacobian.T @ jacobian)
+    actual = least_squares(residuals, start, method="lm", xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    jacobian = np.stack([_derivative(residuals, actual.x, axis) for axis in range(3)], axis=1)
+    return actual.x, np.linalg.inv(jacobian.T @ jacobian)
 
 
 def _derivative(function, at: np.ndarray, axis: int, step: float = 1e-6) -> np.ndarray:

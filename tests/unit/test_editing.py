@@ -16,20 +16,20 @@ from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus
 from posefuse.model.track_events import EVENT_KINDS, Event
 from posefuse.model.tracks import TrackState
-from tests.laws import examples
-from tests.people import crowd, followed, without_people
+from tests.people import simulate_walkers, track_perfectly, without_people
+from tests.properties import examples
 
 FRAMES = 30
 
 
 @pytest.fixture(scope="module")
 def scene():
-    return crowd(seconds=FRAMES / 25)
+    return simulate_walkers(seconds=FRAMES / 25)
 
 
 @pytest.fixture(scope="module")
 def result(scene) -> Reconstruction:
-    return followed(scene)
+    return track_perfectly(scene)
 
 
 def data_of(result: Reconstruction, person: str, frames: slice = slice(None)) -> list[np.ndarray]:
@@ -41,8 +41,8 @@ def data_of(result: Reconstruction, person: str, frames: slice = slice(None)) ->
     return [np.asarray(source)[frames, p] for source in sources]
 
 
-def assert_same(mine: list[np.ndarray], theirs: list[np.ndarray]) -> None:
-    for a, b in zip(mine, theirs, strict=True):
+def assert_same(first: list[np.ndarray], second: list[np.ndarray]) -> None:
+    for a, b in zip(first, second, strict=True):
         np.testing.assert_array_equal(a, b)
 
 
@@ -55,9 +55,9 @@ class TestEffects:
         edited = apply_edits(result, [Rename("person_2", "Änne")])
         assert edited.person_ids == ("person_1", "Änne", "person_3", "person_4")
         assert_same(data_of(edited, "Änne"), data_of(result, "person_2"))
-        mine = [(e.number, e.what) for e in edited.events if e.person == "Änne"]
-        assert mine == [(e.number, e.what) for e in result.events if e.person == "person_2"]
-        assert mine
+        first = [(e.number, e.what) for e in edited.events if e.person == "Änne"]
+        assert first == [(e.number, e.what) for e in result.events if e.person == "person_2"]
+        assert first
         assert edited.provenance.notes == ("a note", "Edited: person_2 renamed to Änne.")
         np.testing.assert_array_equal(edited.poses.shape_m, result.poses.shape_m)
 
@@ -119,8 +119,8 @@ class TestEffects:
             apply_edits(result, [Merge("person_2", "person_1")])
         edited = apply_edits(result, [Merge("person_2", "person_1", keep="person_2")])
         active = np.asarray(result.tracks.state)[:, 1] == TrackState.ACTIVE
-        mine, theirs = data_of(edited, "person_1"), data_of(result, "person_2")
-        assert_same([m[active] for m in mine], [t[active] for t in theirs])
+        first, second = data_of(edited, "person_1"), data_of(result, "person_2")
+        assert_same([m[active] for m in first], [t[active] for t in second])
         assert edited.provenance.notes[-1] == "Edited: person_2 merged into person_1, person_2 where both were active."
 
     def test_camera_events_are_kept(self, result):
@@ -154,11 +154,11 @@ class TestProperties:
     @pytest.mark.parametrize("person", [f"person_{i}" for i in range(1, 5)])
     def test_merge_undoes_a_split_at_any_frame(self, result, person):
         """Merging undoes a split even at the frame in which a track terminates: the event must not get lost."""
-        there = np.asarray(result.tracks.state)[:, result.person_ids.index(person)] != TrackState.ABSENT
-        theirs = data_of(result, person)
+        present = np.asarray(result.tracks.state)[:, result.person_ids.index(person)] != TrackState.ABSENT
+        second = data_of(result, person)
         for frame in range(1, FRAMES):
             edited = apply_edits(result, [Split(person, "new", frame), Merge("new", person)])
-            assert_same([m[there] for m in data_of(edited, person)], [t[there] for t in theirs])
+            assert_same([m[present] for m in data_of(edited, person)], [t[present] for t in second])
             assert [(e.number, e.person, e.what) for e in edited.events] == [
                 (e.number, e.person, e.what) for e in result.events
             ]
@@ -174,7 +174,7 @@ class TestProperties:
 
     def test_original_is_not_modified(self, result, scene):
         apply_edits(result, [Drop("person_2", 3, 5), Swap(("person_1", "person_3"), 4)])
-        assert result == followed(scene)
+        assert result == track_perfectly(scene)
 
     def test_all_people_can_be_dropped(self, result, scene):
         edited = apply_edits(result, [Drop(name) for name in result.person_ids])
@@ -187,7 +187,7 @@ class TestErrors:
         ("edit", "words"),
         [
             (Rename("person_9", "x"), "No person is called 'person_9'. Did you mean"),
-            (Rename("person_1", "person_2"), "A person is already called 'person_2'; people are person_1, person_2"),
+            (Rename("person_1", "person_2"), "A person is already called 'person_2'; the names are person_1, person_2"),
             (Split("person_1", "person_3", 5), "A person is already called 'person_3'"),
             (Split("person_1", "x", 0), "no frames would remain for person_1"),
             (Split("person_1", "x", 99), "from_frame 99 is not in this result; its frames are 0 to 29"),
@@ -215,7 +215,7 @@ class TestErrors:
             ("", "contains no [[edit]]. Each needs do = one of merge, split"),
             ("[edit]\ndo = 'drop'\n", "write each edit as its own table [[edit]], with two brackets"),
             ("[[merge]]\n", "unknown key 'merge'. Edits are tables [[edit]]"),
-            ("[[edit]]\nperson = 'a'\n", "e.toml, edit 1: do is missing. It is one of merge"),
+            ("[[edit]]\nperson = 'a'\n", "e.toml, edit 1: the key 'do' is missing. Set it to one of: merge"),
             ("[[edit]]\ndo = 'merg'\n", "edit 1: unknown operation do = 'merg'. Did you mean 'merge'?"),
             ("[[edit]]\ndo = 'merge'\nperson = 'a'\n", "edit 1 (merge): into is missing. Required keys: person, into."),
             ("[[edit]]\ndo = 'drop'\nframe = 3\n", "(drop): unknown key 'frame'. Keys: person, from_frame, to_frame."),

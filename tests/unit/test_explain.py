@@ -1,4 +1,4 @@
-"""Explaining a frame: every detection is told of once, with whose it is and how far off that person is."""
+"""Explanation of a frame: every detection with its track and error."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from posefuse.model.status import ViewStatus
 from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
 from posefuse.synthetic.crowds import Kind
-from tests.people import crowd, followed
+from tests.people import simulate_walkers, track_perfectly
 
 AWAY = 20
 """A frame in which the last person is away."""
@@ -21,31 +21,31 @@ AWAY = 20
 
 @pytest.fixture(scope="module")
 def scene():
-    return crowd(seconds=2.0)
+    return simulate_walkers(seconds=2.0)
 
 
 @pytest.fixture(scope="module")
 def result(scene) -> Reconstruction:
-    return replace(followed(scene), swaps=None)
+    return replace(track_perfectly(scene), swaps=None)
 
 
-def test_every_detection_is_told_of_once_with_its_owner(scene, result):
+def test_every_detection_is_listed_once_with_its_track(scene, result):
     for number in (5, AWAY, 49):
-        told = explain(result, number, scene.detections)
+        explanation = explain(result, number, scene.detections)
         cells = scene.detections.offsets[number * 5 : number * 5 + 6]
-        for v, view in enumerate(told.views):
+        for v, view in enumerate(explanation.views):
             assert [each.number for each in view.detections] == list(range(cells[v + 1] - cells[v]))
             for each in view.detections:
                 p = -1 if each.person is None else result.person_ids.index(each.person)
                 assert p == -1 or result.tracks.detection[number, p, v] == each.number
                 assert (p == -1) == (each.number not in result.tracks.detection[number, :, v])
-                seen = np.isfinite(scene.detections.keypoints_px[cells[v] + each.number, :, 0]).sum()
-                assert each.n_keypoints == seen
+                visible = np.isfinite(scene.detections.keypoints_px[cells[v] + each.number, :, 0]).sum()
+                assert each.n_keypoints == visible
 
 
-def test_the_errors_are_distances_to_the_projected_person(scene, result):
-    told = explain(result, 10, scene.detections)
-    one = next(each for each in told.views[2].detections if each.person == "person_1")
+def test_errors_are_distances_to_the_projected_person(scene, result):
+    explanation = explain(result, 10, scene.detections)
+    one = next(each for each in explanation.views[2].detections if each.person == "person_1")
     points = result.layers["model"].points_m[10, 0]
     row = scene.detections.offsets[10 * 5 + 2] + one.number
     off = np.linalg.norm(result.rig.cameras[2].project(points)[0] - scene.detections.keypoints_px[row], axis=-1)
@@ -53,23 +53,23 @@ def test_the_errors_are_distances_to_the_projected_person(scene, result):
 
 
 def test_unassigned_detections_have_the_right_reason(scene, result):
-    """The simulation knows which detections are of nobody and which are somebody seen twice."""
+    """The simulation provides the true false and duplicate detections."""
     reasons: dict[Kind, list[str]] = {}
     for number in range(result.n_frames):
         for v, view in enumerate(explain(result, number, scene.detections).views):
             for each in view.detections:
                 row = scene.detections.offsets[number * 5 + v] + each.number
-                # Somebody whom the result does not have is nobody to it.
+                # Detections of people without a track count as unassigned.
                 owner = scene.owner[row]
-                known = owner < 0 or np.isfinite(np.asarray(result.layers["model"].points_m)[number, owner]).any()
-                if each.person is None and known:
+                reference = owner < 0 or np.isfinite(np.asarray(result.layers["model"].points_m)[number, owner]).any()
+                if each.person is None and reference:
                     reasons.setdefault(Kind(scene.kind[row]), []).append(each.why)
     assert all("no person here" in why or "is tracked" in why for why in reasons[Kind.FALSE])
     assert reasons[Kind.DUPLICATE]
     assert all("a duplicate" in why for why in reasons[Kind.DUPLICATE])
 
 
-def test_a_missed_detection_is_reported_with_its_position(scene, result):
+def test_missed_detection_is_reported_with_its_position(scene, result):
     detection = np.array(result.tracks.detection)
     number = int(detection[10, 0, 2])
     detection[10, 0, 2] = -1
@@ -81,31 +81,31 @@ def test_a_missed_detection_is_reported_with_its_position(scene, result):
     assert "unknown without the 2D keypoints" in explain(nothing, 10).views[2].undetected["person_1"]
 
 
-def test_without_keypoints_it_tells_what_the_result_knows(scene, result):
-    told, whole = explain(result, 10), explain(result, 10, scene.detections)
-    assert (told.complete, whole.complete) == (False, True)
-    for mine, theirs in zip(told.views, whole.views, strict=True):
-        theirs_owned = [each for each in theirs.detections if each.person is not None]
-        assert [(e.number, e.person, e.n_used) for e in mine.detections] == [
+def test_without_keypoints_only_the_result_is_explained(scene, result):
+    explanation, whole = explain(result, 10), explain(result, 10, scene.detections)
+    assert (explanation.complete, whole.complete) == (False, True)
+    for first, second in zip(explanation.views, whole.views, strict=True):
+        theirs_owned = [each for each in second.detections if each.person is not None]
+        assert [(e.number, e.person, e.n_used) for e in first.detections] == [
             (e.number, e.person, e.n_used) for e in theirs_owned
         ]
-        assert all(each.n_keypoints is None for each in mine.detections)
+        assert all(each.n_keypoints is None for each in first.detections)
 
 
-def test_people_and_their_states(result):
-    told = explain(result, 10)
-    assert [(p.name, p.state, p.since) for p in told.people][:2] == [
+def test_people_are_listed_with_their_states(result):
+    explanation = explain(result, 10)
+    assert [(p.name, p.state, p.since) for p in explanation.people][:2] == [
         ("person_1", TrackState.ACTIVE, 3), ("person_2", TrackState.ACTIVE, 3),
     ]  # fmt: skip
     assert "person_4" not in [person.name for person in explain(result, AWAY).people]
-    layer = told.people[0].layers[1]
+    layer = explanation.people[0].layers[1]
     assert (layer.layer, layer.n_points, layer.sd_mm) == ("model", 20, pytest.approx(10))
 
 
-def test_one_person(scene, result):
-    told = explain(result, 10, scene.detections, "person_2")
-    assert [person.name for person in told.people] == ["person_2"]
-    assert {each.person for view in told.views for each in view.detections} <= {"person_2", None}
+def test_single_person(scene, result):
+    explanation = explain(result, 10, scene.detections, "person_2")
+    assert [person.name for person in explanation.people] == ["person_2"]
+    assert {each.person for view in explanation.views for each in view.detections} <= {"person_2", None}
     events = (Event(9, 0.36, "person_1", "lost", "a"), Event(9, 0.36, "cam_1", "camera_rejected", "b"))
     assert explain(replace(result, events=events), 10, None, "person_2").events == events[1:]
 
@@ -115,7 +115,7 @@ def test_events_of_the_second_before_and_after(result):
     assert [event.number for event in explain(replace(result, events=events), 30).events] == [40, 55]
 
 
-def test_what_it_refuses(scene, result):
+def test_invalid_requests_are_refused(scene, result):
     with pytest.raises(ResultError, match="frames 0 to 49\\). Choose a frame"):
         explain(result, 77)
     with pytest.raises(ResultError, match="No person 'person_9'"):
@@ -132,17 +132,17 @@ def test_what_it_refuses(scene, result):
 
 
 class TestMisses:
-    def test_known_by_hand(self, result):
+    def test_misses_match_hand_computed_values(self, result):
         misses = count_misses(result.chunks(7), "model")
         state, detection = np.asarray(result.tracks.state), np.asarray(result.tracks.detection)
         active = state == TrackState.ACTIVE
-        # The room is made so that every camera sees all of it.
+        # Every camera shows the whole room.
         np.testing.assert_array_equal(misses.expected, np.repeat(active.sum(axis=0)[:, None], 5, axis=1))
         missed = ((detection < 0) & active[..., None]).sum(axis=0)
         np.testing.assert_array_equal(misses.missed, missed)
         assert missed.sum() > 0
 
-    def test_who_is_out_of_the_image_or_not_recorded_is_not_missed(self, result):
+    def test_people_outside_the_image_or_not_recorded_are_not_missed(self, result):
         layer = result.layers["model"]
         far = replace(layer, points_m=np.asarray(layer.points_m) + np.array([0, 0, 50.0]))
         assert count_misses([replace(result, layers={"model": far})], "model").expected.sum() == 0
@@ -154,5 +154,5 @@ class TestMisses:
         assert (expected[:, 1] > 0).all()
         assert np.isnan(count_misses([replace(result, layers={"model": dark})], "model").share[:, 2]).all()
 
-    def test_nothing_tracked(self, result):
+    def test_recording_without_tracks(self, result):
         assert count_misses([replace(result, tracks=None)], "model") is None

@@ -85,7 +85,7 @@ def aligned_rig(rig: CameraRig, alignment: Alignment) -> CameraRig:
     """Return the cameras in the aligned world, where they see the same pixels."""
     cameras = tuple(_camera(camera, alignment) for camera in rig.cameras)
     return replace(
-        rig, cameras=cameras, up_axis=alignment.up_axis, metres_per_unit=rig.metres_per_unit * alignment.scale
+        rig, cameras=cameras, up_axis=alignment.up_axis, meters_per_unit=rig.meters_per_unit * alignment.scale
     )
 
 

@@ -65,7 +65,7 @@ def _floor(
             "align: the calibration does not define the up axis. Set it with --up, or estimate the floor with "
             "align.floor = 'feet' or align.floor_points_m."
         )
-    return Plane(up, np.zeros(3)), "The floor is the calibration's."
+    return Plane(up, np.zeros(3)), "The floor is that of the calibration."
 
 
 def _tilt_note(plane: Plane, up: np.ndarray | None) -> str:

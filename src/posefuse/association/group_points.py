@@ -6,8 +6,10 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.kernels import status_codes
+from posefuse.kernels.records import NoiseParameters, Observations, TriangulatedPoints
 from posefuse.kernels.triangulation.consensus import triangulate_consensus
 from posefuse.kernels.triangulation.pair_order import early_limit, ordered_pairs, required_tries
+from posefuse.kernels.triangulation.workspace import ConsensusParameters
 from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
 from posefuse.model.noise import NoiseModel
@@ -57,35 +59,32 @@ def triangulate_groups(
     n, views = rows.shape
     k = frame.keypoints_px.shape[1]
     pixels, confidence, rows = _unswapped(frame, skeleton, rows, swapped)
-    points, covariance = np.empty((n, k, 3)), np.empty((n, k, 6))
-    status, view_status = np.empty((n, k), dtype=np.int8), np.empty((n, k, views), dtype=np.int8)
-    view_error_px, error_px = np.empty((n, k, views), dtype=np.float32), np.empty((n, k))
+    out = TriangulatedPoints(
+        points=np.empty((n, k, 3)),
+        covariance=np.empty((n, k, 6)),
+        status=np.empty((n, k), dtype=np.int8),
+        view_codes=np.empty((n, k, views), dtype=np.int8),
+        view_errors_px=np.empty((n, k, views), dtype=np.float32),
+        mean_errors_px=np.empty((n, k)),
+    )
     triangulate_consensus(
-        *rig.packed,
-        frozen(pixels),
-        frozen(confidence),
-        rows,
-        frozen(noise.scale_px * options.sigma_factor),
-        noise.exponent,
-        options.min_confidence,
-        2,
-        ordered_pairs(views),
-        required_tries(views),
-        early_limit(views),
-        options.saturation_sigma,
-        options.full_weight_sigma,
-        options.zero_weight_sigma,
-        points,
-        covariance,
-        status,
-        view_status,
-        view_error_px,
-        error_px,
+        rig.packed,
+        Observations(frozen(pixels), frozen(confidence), rows),
+        NoiseParameters(frozen(noise.scale_px * options.sigma_factor), noise.exponent, options.min_confidence),
+        ConsensusParameters(
+            2,
+            ordered_pairs(views),
+            required_tries(views),
+            early_limit(views),
+            options.saturation_sigma,
+            options.full_weight_sigma,
+            options.zero_weight_sigma,
+        ),
+        out,
     )
-    used = (view_status == status_codes.VIEW_USED) & (status < status_codes.POINT_MISSING)[..., None]
-    return GroupPoints(
-        points, covariance, status, used, median_error_sigma(view_error_px, used, confidence, rows, noise)
-    )
+    used = (out.view_codes == status_codes.VIEW_USED) & (out.status < status_codes.POINT_MISSING)[..., None]
+    error_sigma = median_error_sigma(out.view_errors_px, used, confidence, rows, noise)
+    return GroupPoints(out.points, out.covariance, out.status, used, error_sigma)
 
 
 def median_error_sigma(

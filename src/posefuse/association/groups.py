@@ -20,6 +20,7 @@ from posefuse.kernels.association.groups import FrameContext, GroupTable
 from posefuse.kernels.association.log_odds import CandidateDetections, OddsParameters
 from posefuse.kernels.association.pair_scores import find_near_people, score_pairs, score_support
 from posefuse.kernels.cameras.lens import FX, FY
+from posefuse.kernels.records import Detections, NoiseParameters
 from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
 from posefuse.model.noise import NoiseModel
@@ -106,15 +107,11 @@ def observe_detections(
     rows = np.flatnonzero(free)
     rays, weights = np.empty((len(rows), len(keypoints), 12)), np.empty((len(rows), len(keypoints)))
     compute_observations(
-        *rig.packed,
-        frame.keypoints_px,
-        frame.confidence,
-        frame.view,
+        rig.packed,
+        Detections(frame.keypoints_px, frame.confidence, frame.view),
+        NoiseParameters(noise.scale_px * options.sigma_factor, noise.exponent, options.min_confidence),
         rows,
         frozen(keypoints, np.int64),
-        noise.scale_px * options.sigma_factor,
-        noise.exponent,
-        options.min_confidence,
         rays,
         weights,
     )
@@ -135,7 +132,7 @@ def compatible_pairs(
     if known_m is None or not len(known_m):
         return np.ones((len(detections.rows), len(detections.rows)), dtype=bool)
     near = np.empty((len(detections.rows), len(known_m)), dtype=bool)
-    cameras = rig.packed[0]
+    cameras = rig.packed.array
     find_near_people(
         detections.rays,
         detections.weights,
@@ -204,7 +201,7 @@ def _form_groups(
     )
     sizes_px = np.array([camera.size_px for camera in rig.cameras], dtype=np.float64)
     context = FrameContext(
-        cameras=rig.packed[0],
+        cameras=rig.packed.array,
         sizes_px=np.where(frame.recorded[:, None], sizes_px, 0.0),
         boxes_px=bounding_boxes_px(frame.keypoints_px),
         box_view=frame.view,

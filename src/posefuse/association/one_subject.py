@@ -18,8 +18,8 @@ NO_PERSON = (
     "RECORDING --deep shows why."
 )
 _LARGEST = (
-    "--pick largest takes the largest person of each view and frame by itself; in another view that may be another "
-    "person. --exclude-camera, or keypoints with track ids and --pick track-id, are safer."
+    "--pick largest selects the largest person separately in each view and frame, so views may show different "
+    "people. --exclude-camera, or keypoints with track IDs and --pick track-id, are safer."
 )
 
 

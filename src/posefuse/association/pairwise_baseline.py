@@ -94,7 +94,7 @@ def _bodies(rig: CameraRig, detections: FreeDetections, allowed: np.ndarray, opt
     pair = np.stack([a, b], axis=1)
     triangulate_pairs(detections.rays, detections.weights, pair, points, errors_px)
     size_px = np.array([sum(camera.size_px) / 2.0 for camera in rig.cameras])
-    centers_m = np.stack([camera.centre_m for camera in rig.cameras])
+    centers_m = np.stack([camera.center_m for camera in rig.cameras])
     view = detections.view[pair]
     away = np.linalg.norm(points[:, :, None] - centers_m[view][:, None], axis=-1).mean(axis=-1)
     error = np.minimum(errors_px / size_px[view][:, None], options.max_error_share).mean(axis=-1)

@@ -48,7 +48,7 @@ def propose(
         return Proposals.none(len(skeleton), len(rig))
     if frame.keypoints_px.shape[1] != len(skeleton):
         raise DetectionsError(
-            f"Frame {frame.number} has {frame.keypoints_px.shape[1]} keypoints a person, but the skeleton "
-            f"{skeleton.name!r} has {len(skeleton)}. Give the skeleton that the detector has."
+            f"Frame {frame.number} has {frame.keypoints_px.shape[1]} keypoints per person, but the skeleton "
+            f"{skeleton.name!r} has {len(skeleton)}. Use the skeleton of the detector."
         )
     return _METHODS[options.method](rig, frame, noise, skeleton, free, options, known_m).solvable()

@@ -55,7 +55,7 @@ def on_cluster(
             try:
                 result = future.result()
             except Exception as error:
-                why = f"The cluster gave up: {type(error).__name__}: {' '.join(str(error).split())[:200]}"
+                why = f"The cluster failed: {type(error).__name__}: {' '.join(str(error).split())[:200]}"
                 result = JobResult(job.name, "failed", why)
             if result is None:
                 assert divided is not None

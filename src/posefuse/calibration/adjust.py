@@ -1,8 +1,8 @@
 """Bundle adjustment: estimate cameras and points that maximize the likelihood of the observations.
 
-Levenberg-Marquardt on the cameras with the points eliminated (Schur complement; Triggs et al. 2000), and Student-t
-errors by reweighting. The noise factor of each view is estimated from its own residuals, so that a camera whose
-observations do not fit is assigned high noise and loses its influence.
+Levenberg-Marquardt steps adjust the cameras with the points eliminated (Schur complement; Triggs et al. 2000);
+iterative reweighting models Student-t errors. The noise factor of each view is estimated from its own residuals, so
+that a camera whose observations do not fit is assigned high noise and loses its influence.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ _MIN_FACTOR = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Adjustment:
-    """Hold the result of an adjustment.
+    """Result of an adjustment.
 
     Attributes:
         rig: the cameras.
@@ -44,8 +44,8 @@ class Adjustment:
 def adjust(rig: CameraRig, observations: PointObservations, free: FreeParameters, start_px: float) -> Adjustment:
     """Estimate cameras and points.
 
-    At first all views are assumed to be as noisy as their errors, so that each has influence; then the noise is reduced
-    stepwise to its estimate.
+    At first, the assumed noise of all views is as large as their initial errors, so that each has influence. It is then
+    reduced stepwise to its estimate.
 
     Args:
         rig: initial cameras.

@@ -42,7 +42,7 @@ def find_copy(rig: CameraRig, used: np.ndarray) -> tuple[int, int] | None:
         rig: the cameras.
         used: shape (view,): share of each view's detections that agree with other views.
     """
-    centers = np.array([camera.centre_m for camera in rig.cameras])
+    centers = np.array([camera.center_m for camera in rig.cameras])
     distances = np.linalg.norm(centers[:, None] - centers[None], axis=-1)
     close = _SAME_POSITION_SHARE * float(distances.max())
     for a in range(len(rig)):

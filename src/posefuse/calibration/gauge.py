@@ -24,7 +24,7 @@ def pose_changes(before: CameraRig, after: CameraRig) -> np.ndarray:
         vector_from_rotation(new.rotation @ old.rotation.T)
         for old, new in zip(before.cameras, after.cameras, strict=True)
     ]
-    translations = [new.centre_m - old.centre_m for old, new in zip(before.cameras, after.cameras, strict=True)]
+    translations = [new.center_m - old.center_m for old, new in zip(before.cameras, after.cameras, strict=True)]
     return np.concatenate([np.array(rotations), np.array(translations)], axis=1)
 
 
@@ -35,7 +35,7 @@ def similarity_directions(rig: CameraRig, origin_m: np.ndarray) -> np.ndarray:
     """
     out = np.zeros((len(rig), 6, _SIMILARITY_DOF))
     for v, camera in enumerate(rig.cameras):
-        arm = camera.centre_m - origin_m
+        arm = camera.center_m - origin_m
         # Rotating the world by w rotates the camera by -R w in its own axes and shifts its center by w x arm.
         out[v, ROTATION, 0:3] = -camera.rotation
         out[v, TRANSLATION, 0:3] = -_cross(arm)
@@ -93,16 +93,16 @@ def apply_similarity(
     rotation, scale_factor = rotation_from_vector(step[:3]), np.exp(step[6])
     change = np.zeros((len(rig), N_PARAMETERS))
     for v, camera in enumerate(rig.cameras):
-        center = origin_m + scale_factor * rotation @ (camera.centre_m - origin_m) + step[3:6]
+        center = origin_m + scale_factor * rotation @ (camera.center_m - origin_m) + step[3:6]
         change[v, ROTATION] = -camera.rotation @ step[:3]
-        change[v, TRANSLATION] = center - camera.centre_m
+        change[v, TRANSLATION] = center - camera.center_m
     return apply_changes(rig, change), origin_m + scale_factor * (points_m - origin_m) @ rotation.T + step[3:6]
 
 
 def typical_distance_m(rig: CameraRig, points_m: np.ndarray) -> float:
     """Return the median distance of the cameras from the points: the length that corresponds to one radian."""
     center = np.median(points_m, axis=0)
-    return float(np.median([np.linalg.norm(camera.centre_m - center) for camera in rig.cameras]))
+    return float(np.median([np.linalg.norm(camera.center_m - center) for camera in rig.cameras]))
 
 
 def robust_weights(remaining: np.ndarray, distance_m: float, trusted: np.ndarray) -> np.ndarray:
@@ -133,7 +133,7 @@ def choose_gauge(
         empty = np.zeros((len(after) * N_PARAMETERS, 0))
         return Gauge(empty, empty)
     if fixed.any():
-        origin = after.cameras[int(np.flatnonzero(fixed)[0])].centre_m
+        origin = after.cameras[int(np.flatnonzero(fixed)[0])].center_m
         poses = similarity_directions(after, origin)[:, :, 6:]
     else:
         poses = similarity_directions(after, np.median(points_m, axis=0))
@@ -161,9 +161,9 @@ def rescale_about_fixed(
         trusted: shape (view,), bool: cameras whose original pose is informative.
     """
     at = int(np.flatnonzero(fixed)[0])
-    origin = after.cameras[at].centre_m
+    origin = after.cameras[at].center_m
     ratios = [
-        np.linalg.norm(before.cameras[v].centre_m - origin) / np.linalg.norm(after.cameras[v].centre_m - origin)
+        np.linalg.norm(before.cameras[v].center_m - origin) / np.linalg.norm(after.cameras[v].center_m - origin)
         for v in np.flatnonzero(trusted)
         if v != at
     ]

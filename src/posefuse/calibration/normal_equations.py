@@ -76,18 +76,18 @@ def compute_rows(
     residual, by_point = np.empty((n, 2)), np.empty((n, 2, 3))
     by_lens, status = np.empty((n, 2, LENS_PARAMETERS)), np.empty(n, dtype=np.int64)
     points = points_m[observations.point]
-    bundle_rows(rig.packed[0], observations.view, points, observations.pixels, residual, by_point, by_lens, status)
+    bundle_rows(rig.packed.array, observations.view, points, observations.pixels, residual, by_point, by_lens, status)
     weight = 1.0 / (observations.sigma_px * scale[observations.view])
     unseen = status != lens.OK
     for array in (residual, by_point, by_lens):
         array[unseen] = 0.0
         array *= weight.reshape(-1, *(1,) * (array.ndim - 1))
     rotations = np.array([camera.rotation for camera in rig.cameras])[observations.view]
-    centers = np.array([camera.centre_m for camera in rig.cameras])[observations.view]
+    centers = np.array([camera.center_m for camera in rig.cameras])[observations.view]
     camera_points = (rotations @ (points - centers)[:, :, None])[:, :, 0]
     in_world = by_point @ rotations
     by_camera = np.empty((n, 2, N_PARAMETERS))
-    # d(exp(w) x)/dw = -[x]x, so that a row j of the derivative becomes x cross j.
+    # d(exp(w) x)/dw = -[x]x, so a row j of the derivative becomes x cross j.
     by_camera[:, :, ROTATION] = np.cross(camera_points[:, None], by_point)
     by_camera[:, :, TRANSLATION] = -in_world
     by_camera[:, :, LENS] = by_lens
@@ -170,7 +170,7 @@ class NormalEquations:
         )
 
     def scores(self, columns: np.ndarray, reduced: "ReducedEquations") -> np.ndarray:
-        """Return each point's contribution to the reduced gradient, shape (point, free)."""
+        """Return each point's contribution to the reduced gradient, shape (point, free parameter)."""
         n, n_views = len(self.points), len(self.cameras)
         all_scores = np.zeros((n, n_views, N_PARAMETERS))
         all_scores[self.observations.point, self.observations.view] = self.camera_gradient

@@ -1,7 +1,7 @@
 """Parameters of a camera: nine numbers, to which small changes are added.
 
 In this order: three rotations about the camera's own axes (rad), three shifts of its center in the world (m), the
-logarithm of its focal length, and the changes of k1 and k2. Rotations are about the center, so that a camera that was
+logarithm of its focal length, and the changes of k1 and k2. Rotations are about the center, so a camera that was
 only rotated keeps its position: ``x_camera = exp(rotation) R (x_world - center - shift)``.
 """
 
@@ -57,7 +57,7 @@ def _apply(camera: Camera, row: np.ndarray) -> Camera:
         return camera
     pose = np.eye(4)
     pose[:3, :3] = rotation_from_vector(row[ROTATION]) @ camera.rotation
-    pose[:3, 3] = -pose[:3, :3] @ (camera.centre_m + row[TRANSLATION])
+    pose[:3, 3] = -pose[:3, :3] @ (camera.center_m + row[TRANSLATION])
     matrix = camera.matrix.copy()
     matrix[:2, :2] *= np.exp(row[FOCAL])
     distortion = camera.distortion

@@ -139,7 +139,7 @@ def refine(
     for name in (*options.fix, *options.relocate):
         given.index(name)
     if len(kept) < 2:
-        raise CalibrationError("At least two cameras must keep their poses; the others are located by them.")
+        raise CalibrationError("At least two cameras must keep their poses; the others are located relative to them.")
     rig = with_distortion(given) if options.refine == "lens" else given
     state = RefinementState(rig.select(kept), rig.select(kept))
     progress.start("refining", len(_POINT_SHARES) * (2 if options.relocate else 1))
@@ -292,8 +292,8 @@ def _cameras_to_leave_out(state: RefinementState, options: RefineOptions, *, che
         # If the points do not determine the camera, they do not prove that its pose was wrong either.
         if movable[v] and uncertainty is not None and checks.is_determined(uncertainty, v, distance_m):
             reasons[names[v]] = (
-                f"its calibrated pose has a reprojection error of {error:.0f} px, worse than no pose; it is probably "
-                f"of another camera. --relocate {names[v]} estimates it without an initial pose."
+                f"its calibrated pose has a reprojection error of {error:.0f} px, worse than no pose; it probably "
+                f"belongs to another camera. --relocate {names[v]} estimates it without an initial pose."
             )
     return reasons
 

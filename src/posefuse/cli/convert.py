@@ -50,7 +50,9 @@ def convert(
         Parameter(name=["--output", "-o"], help="Output file, or a folder for formats of many files."),
     ],
     *,
-    to: Annotated[str | None, Parameter(help="Format to write; by default by the end of the output's name.")] = None,
+    to: Annotated[
+        str | None, Parameter(help="Format to write; by default selected by the suffix of the output.")
+    ] = None,
     onto: Annotated[str | None, Parameter(help="Skeleton to convert the keypoints to, such as body_20.")] = None,
     interpretation: Annotated[_Interpretation, Parameter(name="*", group="Input")] = _Interpretation(),
 ) -> None:

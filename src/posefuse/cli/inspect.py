@@ -34,7 +34,7 @@ def inspect(
     calibration: CalibrationPath = None,
     keypoints: KeypointsPath = None,
     timestamps: TimestampsPath = None,
-    deep: Annotated[bool, Parameter(negative="", help="Check the recording for faults, from the detections.")] = False,
+    deep: Annotated[bool, Parameter(negative="", help="Check the recording for faults by its detections.")] = False,
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
     """Show the calibrations and keypoints in a folder, how they were recognized, and whether they match.
@@ -83,14 +83,14 @@ def _given(path: Path, *, calibration: bool) -> RecognizedInput:
 
 
 def _examine(rig: CameraRig, detections: Detections, options: Options) -> None:
-    """Print the findings of the recording check, the worst first."""
+    """Print the findings of the recording check, the most severe first."""
     from posefuse.pipeline.diagnose import inspect_health
 
     found = inspect_health(rig, detections, options, progress=Bars())
     if not found:
         say("recording check: no faults found")
         return
-    say(f"recording check: {count(len(found), 'finding')}, the worst first")
+    say(f"recording check: {count(len(found), 'finding')}, the most severe first")
     for number, finding in enumerate(found, 1):
         say(f"{number}. {finding.kind}: {finding.sentence}")
         say(f"   {100 * finding.certainty:.0f} % certain. {finding.remedy}")
@@ -107,13 +107,13 @@ def _calibration(item: RecognizedInput, options: Options) -> CameraRig | None:
     except PosefuseError as error:
         note(f"  cannot be read: {error}")
         return None
-    say(f"  {len(rig)} cameras; up axis {rig.up_axis or 'unknown'}, lengths x {rig.metres_per_unit:g} to meters")
+    say(f"  {len(rig)} cameras; up axis {rig.up_axis or 'unknown'}, lengths x {rig.meters_per_unit:g} to meters")
     for remark in rig.notes:
         note(f"  note: {remark}")
     rows = []
     for camera in rig.cameras[:_MOST_CAMERAS]:
         size = f"{camera.size_px[0]} x {camera.size_px[1]}"
-        at = " ".join(f"{value:.2f}" for value in camera.centre_m)
+        at = " ".join(f"{value:.2f}" for value in camera.center_m)
         rows.append([f"  {camera.name}", size, f"{camera.matrix[0, 0]:.0f}", str(camera.lens), at])
     table(None, ["  camera", "size px", "focal px", "lens", "position m"], rows)
     if len(rig) > _MOST_CAMERAS:
@@ -219,7 +219,7 @@ def _say_matches(read: _Inputs, options: Options) -> bool:
                 note(f"note: {remark}")
         told.update(notes)
         say(
-            f"{words}; posefuse reconstruct can take this folder"
+            f"{words}; posefuse reconstruct can process this folder"
             if single
             else f"{words}; to reconstruct, add\n{flags}"
         )

@@ -142,14 +142,14 @@ def print_counts(session: "Session") -> None:
     frames = counts.complete + counts.incomplete
     _print(
         f"{count(counts.lines, 'line')}, {count(frames, 'frame')}: {counts.complete} complete, "
-        f"{counts.incomplete} without some camera; dropped {counts.frames_dropped}"
+        f"{counts.incomplete} incomplete; dropped {counts.frames_dropped}"
     )
     for kind, latencies in (("complete", counts.complete_s), ("incomplete", counts.incomplete_s)):
         if len(latencies):
             p50, p99, most = (
                 1e3 * x for x in (latencies.quantile_s(0.5), latencies.quantile_s(0.99), latencies.most_s)
             )
-            _print(f"latency of {kind} frames: p50 {p50:.1f} ms, p99 {p99:.1f} ms, most {most:.1f} ms")
+            _print(f"latency of {kind} frames: p50 {p50:.1f} ms, p99 {p99:.1f} ms, maximum {most:.1f} ms")
     for what, number in sorted(counts.malformed.items()):
         _print(f"malformed: {count(number, 'line')}, {what}")
     for why, number in sorted(counts.lost.items()):

@@ -57,7 +57,7 @@ def pose_difference(examination: Examination, view: int, sample: int) -> tuple[f
     camera = examination.observations.rig.cameras[model.cameras[view]]
     rotation, translation = model.rotation[sample, view], model.translation_m[sample, view]
     rotation_deg = np.degrees(np.linalg.norm(vector_from_rotation(rotation @ camera.rotation.T)))
-    return float(rotation_deg), rotation @ (-rotation.T @ translation - camera.centre_m)
+    return float(rotation_deg), rotation @ (-rotation.T @ translation - camera.center_m)
 
 
 def _finding(examination: Examination, view: int, faults: list[AcceptedFault], coarse_score: float) -> Finding:

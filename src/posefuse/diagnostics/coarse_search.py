@@ -12,6 +12,7 @@ from itertools import combinations, permutations
 import numpy as np
 
 from posefuse.diagnostics import epipolar
+from posefuse.diagnostics.best_order import best_order
 from posefuse.diagnostics.camera_resection import resect_camera
 from posefuse.diagnostics.epipolar import PosedView, disagreement, disagreement_table, posed_view
 from posefuse.diagnostics.normalized_views import normalize_views
@@ -36,9 +37,6 @@ _RESECTION_MARGIN, _MIN_RESECTION_LEVEL = 0.15, 0.45
 _IMAGE_SCALES = tuple(np.round(np.exp(np.linspace(np.log(0.25), np.log(4.0), 57)), 3))
 _COMMON_IMAGE_SCALES = (0.25, 1 / 3, 0.375, 0.5, 2 / 3, 0.75, 0.8, 1.25, 4 / 3, 1.5, 2.0, 8 / 3, 3.0, 4.0)
 _FOCAL_FACTORS = tuple(np.round(np.exp(np.linspace(np.log(0.2), np.log(5.0), 47)), 3))
-_MAX_PERMUTED_VIEWS = 7
-_MAX_SWAPS = 200
-"""Bound of the swaps of cameras; each lowers the cost, and a few undo any exchange."""
 
 
 @dataclass(frozen=True)
@@ -320,7 +318,7 @@ class _CandidateSearch:
     def _reordered(self, model: RecordingModel, table: np.ndarray) -> CoarseCorrection | None:
         """Return the best other assignment of cameras to views, if any is better."""
         costs = self._assignment_costs(model)
-        order = _best_order(costs, model.cameras)
+        order = best_order(costs, model.cameras)
         if order == model.cameras:
             return None
         tried = model
@@ -379,32 +377,3 @@ def _level(row: np.ndarray) -> float:
     if not len(known):
         return np.nan
     return float(known[: max(1, -(-2 * len(known) // 3))].mean())
-
-
-def _best_order(costs: np.ndarray, start: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the assignment of cameras to views with the lowest total cost; ``start`` if no cost is known."""
-    if not np.isfinite(costs).any():
-        return start
-    views = len(costs)
-    known = np.where(np.isfinite(costs), costs, np.nanmean(costs))
-
-    def total(order: tuple[int, ...]) -> float:
-        return sum(known[a, order[a], b, order[b]] for a, b in combinations(range(views), 2))
-
-    best = start
-    if views <= _MAX_PERMUTED_VIEWS:
-        orders = np.array(list(permutations(range(views))))
-        sums = sum(known[a, orders[:, a], b, orders[:, b]] for a, b in combinations(range(views), 2))
-        cheapest = tuple(int(c) for c in orders[int(np.argmin(sums))])
-        return cheapest if total(cheapest) < total(start) - 1e-9 else start
-    for _ in range(_MAX_SWAPS):
-        swaps = []
-        for a, b in combinations(range(views), 2):
-            order = list(best)
-            order[a], order[b] = order[b], order[a]
-            swaps.append(tuple(order))
-        cheapest = min(swaps, key=total)
-        if total(cheapest) >= total(best) - 1e-9:
-            return best
-        best = cheapest
-    return best

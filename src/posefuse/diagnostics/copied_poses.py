@@ -14,7 +14,7 @@ _MIN_DIFFERENCE = 0.1
 
 def same_poses(rig: CameraRig) -> list[tuple[int, int]]:
     """Return pairs of cameras with the same position and orientation."""
-    centers = np.array([camera.centre_m for camera in rig.cameras])
+    centers = np.array([camera.center_m for camera in rig.cameras])
     extent = max(float(np.linalg.norm(centers[:, None] - centers[None], axis=-1).max()), 1e-9)
     return [
         (a, b)

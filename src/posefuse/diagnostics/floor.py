@@ -67,7 +67,7 @@ def below_floor_finding(points_m: Sequence[np.ndarray], skeleton: Skeleton, rig:
     if len(heights) < _MIN_POINTS:
         return None
     floor = float(np.quantile(heights, _FLOOR_QUANTILE))
-    low = [camera.name for camera in rig.cameras if camera.centre_m @ up < floor - _BELOW_M]
+    low = [camera.name for camera in rig.cameras if camera.center_m @ up < floor - _BELOW_M]
     if not low:
         return None
     cameras = f"Cameras {choices(low)} are" if len(low) > 1 else f"Camera {choices(low)} is"

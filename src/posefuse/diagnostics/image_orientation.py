@@ -9,7 +9,7 @@ from posefuse.model.findings import Finding, FindingKind
 _ROTATIONS = {
     1: "rotated by 90 degrees clockwise",
     2: "rotated by 180 degrees",
-    3: "rotated by 90 degrees anticlockwise",
+    3: "rotated by 90 degrees counterclockwise",
 }
 
 

@@ -28,7 +28,7 @@ def sample_findings(rig: CameraRig, layer: Layer, noise: NoiseModel, skeleton: S
         coincidence_finding(rig),
         agreement_finding([layer], rig, noise),
         camera_finding([layer], rig),
-        scale_finding(points, skeleton, rig.metres_per_unit),
+        scale_finding(points, skeleton, rig.meters_per_unit),
         *floor_findings(points, skeleton, rig),
     )
     sentences = tuple(finding for finding in found if finding is not None)

@@ -45,7 +45,7 @@ def agreement_finding(layers: Sequence[Layer], rig: CameraRig, noise: NoiseModel
     )
     return (
         f"The views do not agree: {symptom}. Either views are assigned to the wrong cameras (see the matching above, "
-        "--camera-order), or a camera was moved after the calibration, or the calibration is of another recording."
+        "--camera-order), or a camera was moved after the calibration, or the calibration belongs to another recording."
     )
 
 
@@ -68,14 +68,15 @@ def camera_finding(layers: Sequence[Layer], rig: CameraRig) -> str | None:
     several = len(wrong) > 1
     return (
         f"Most detections of camera{'s' * several} {shares} contradict the other cameras. "
-        f"{'Their' if several else 'Its'} calibration is wrong or of another camera, the camera was moved, or it shows "
+        f"{'Their' if several else 'Its'} calibration is wrong or belongs to another camera, the camera was moved, or "
+        "it shows "
         "another scene. --exclude-camera excludes a camera."
     )
 
 
 def coincidence_finding(rig: CameraRig) -> str | None:
     """Return a sentence if two cameras have the same position, else None."""
-    centers = np.array([camera.centre_m for camera in rig.cameras])
+    centers = np.array([camera.center_m for camera in rig.cameras])
     distances = np.linalg.norm(centers[:, None] - centers[None], axis=-1)
     np.fill_diagonal(distances, np.inf)
     extent = np.max(np.where(np.isfinite(distances), distances, 0.0), initial=0.0)

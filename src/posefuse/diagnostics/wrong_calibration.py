@@ -22,7 +22,7 @@ def find(examination: Examination) -> tuple[Finding, ...]:
             "Hardly any two cameras agree, and no other camera order, image rotation or image size makes them agree."
         )
     remedy = (
-        "The calibration is probably of another camera setup or another day. Use the matching calibration, or "
+        "The calibration probably belongs to another camera setup or another day. Use the matching calibration, or "
         "calibrate again."
     )
     certainty = float(np.clip(level, 0.5, 0.97))

@@ -97,7 +97,7 @@ def evaluate(result: Reconstruction, truth: Truth) -> Accuracy:
         )
     name, layer = result.best_layer(result.options.layer)
     if truth.points_m.shape[0] != result.n_frames:
-        raise ResultError(f"The truth has {truth.points_m.shape[0]} frames, the result {result.n_frames}.")
+        raise ResultError(f"The truth has {truth.points_m.shape[0]} frames, but the result has {result.n_frames}.")
     columns = [result.skeleton.index(keypoint) for keypoint in truth.keypoints]
     points = np.asarray(layer.points_m[:])[:, 0, columns]
     offsets = points - truth.points_m
@@ -105,7 +105,7 @@ def evaluate(result: Reconstruction, truth: Truth) -> Accuracy:
     distance_mm = 1000.0 * np.linalg.norm(offsets, axis=-1)
     both = known & np.isfinite(distance_mm)
     if not both.any():
-        raise ResultError("The result and the truth have no common point. Check that they are of the same recording.")
+        raise ResultError("The result and the truth have no common point. Check that they are from the same recording.")
     flat = distance_mm[both]
     covered = _coverage(offsets[both], np.asarray(layer.covariance_m2[:])[:, 0, columns][both])
     missing = known & ~both
@@ -187,7 +187,7 @@ def truth_from_result(result: Reconstruction, truth: Reconstruction) -> Truth:
     places = {int(number): i for i, number in enumerate(truth.frame_numbers)}
     rows = np.array([places.get(int(number), -1) for number in result.frame_numbers])
     if not (rows >= 0).any():
-        raise ResultError("Result and truth share no frame number. Check that they are of the same recording.")
+        raise ResultError("Result and truth share no frame number. Check that they are from the same recording.")
     points = np.asarray(layer.points_m[:])[:, 0][:, columns][np.maximum(rows, 0)].copy()
     points[rows < 0] = np.nan
     return Truth(shared, points, "frame number")
@@ -227,7 +227,7 @@ def truth_from_trajectories(
     if not np.isfinite(matched).any():
         raise ResultError(
             f"No frame of the result ({np.nanmin(result.time_s):.3f} to {np.nanmax(result.time_s):.3f} s) is within "
-            f"the truth's times ({time_s[0]:.3f} s to {time_s[-1]:.3f} s). Check that they are of the same recording."
+            f"the truth's times ({time_s[0]:.3f} s to {time_s[-1]:.3f} s). Check that they are from the same recording."
         )
     return Truth(keypoints, matched, "time")
 

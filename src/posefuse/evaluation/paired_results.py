@@ -180,7 +180,7 @@ def with_truths(result: Reconstruction, truths: Sequence[Truth], names: Sequence
     known = np.stack([truth.points_m[:, c] for truth, c in zip(truths, columns, strict=True)], axis=1)
     covered = np.flatnonzero(is_here(known).any(axis=1))
     if not len(covered):
-        raise ResultError("Result and truth share no frame. Check that they are of the same recording.")
+        raise ResultError("Result and truth share no frame. Check that they are from the same recording.")
     skeleton = sub_skeleton(result.skeleton, shared)
     return _joined(result, skeleton, covered, KeypointSet(skeleton, known[covered]), names, truths[0].matched_by)
 
@@ -218,10 +218,10 @@ def _at_frames_of(result: Reconstruction, truth: Reconstruction) -> tuple[np.nda
     if result.rate_hz and truth.rate_hz and abs(result.rate_hz / truth.rate_hz - 1.0) > 1e-3:
         inside = np.flatnonzero((result.time_s >= truth.time_s[0]) & (result.time_s <= truth.time_s[-1]))
         if not len(inside):
-            raise ResultError("Result and truth share no time. Check that they are of the same recording.")
+            raise ResultError("Result and truth share no time. Check that they are from the same recording.")
         flat = interpolated(points.reshape(len(points), -1, 3), truth.time_s, result.time_s[inside])
         return inside, flat.reshape(-1, *points.shape[1:]), "time"
     shared, ours, theirs = np.intersect1d(result.frame_numbers, truth.frame_numbers, return_indices=True)
     if not len(shared):
-        raise ResultError("Result and truth share no frame number. Check that they are of the same recording.")
+        raise ResultError("Result and truth share no frame number. Check that they are from the same recording.")
     return ours, points[theirs], "frame number"

@@ -157,7 +157,7 @@ def score_people(data: PeoplePoints, options: ScoringOptions = ScoringOptions())
     truth_here, here = is_here(data.truth_m), is_here(data.points_m)
     if not truth_here.any():
         raise ResultError(
-            "The truth contains no person in these frames. Check that result and truth are of the same recording."
+            "The truth contains no person in these frames. Check that result and truth are from the same recording."
         )
     apart = mean_distances_m(data.points_m, data.truth_m)
     gates_m, pck_m = options.distances_m(data.scale)

@@ -67,13 +67,13 @@ def read_board(path: str | Path, camera_names: Sequence[str]) -> Detections:
         camera_names: Names of the calibrated cameras, in order. They name the views of files without camera names.
 
     Raises:
-        FileError: If the file does not exist, is broken, or has another number of cameras than the calibration.
+        FileError: If the file does not exist, is broken, or has a different number of cameras than the calibration.
     """
     path = must_exist(Path(path), "file of board corners")
     if not matches(path):
         raise FileError(
-            f"{path} contains no board corners: expected sleap-anipose's *.metadata.h5 with detected_corners, or "
-            f"Caliscope's *.csv with {choices(_COLUMNS)}."
+            f"{path} contains no board corners. Supported files: *.metadata.h5 of sleap-anipose with the dataset "
+            f"detected_corners, and *.csv of Caliscope with the columns {choices(_COLUMNS)}."
         )
     with reading(path, "file of board corners"):
         return _from_csv(path) if path.suffix == ".csv" else _from_h5(path, camera_names)
@@ -87,8 +87,8 @@ def _from_h5(path: Path, camera_names: Sequence[str]) -> Detections:
         raise FileError(f"{path}: expected detected_corners (camera, frame, corner, 2), got {corners.shape}.")
     if len(corners) != len(camera_names):
         raise FileError(
-            f"{path} has corners of {len(corners)} cameras without names, but the calibration has "
-            f"{len(camera_names)}: {choices(camera_names)}. Both must have the same number of cameras."
+            f"{path} has board corners of {len(corners)} unnamed cameras, but the calibration has "
+            f"{len(camera_names)}: {choices(camera_names)}. The numbers of cameras must be equal."
         )
     return _detections(tuple(camera_names), frames, np.moveaxis(corners, 0, 1))
 
@@ -97,7 +97,7 @@ def _from_csv(path: Path) -> Detections:
     with path.open(encoding="utf-8", newline="") as stream:
         rows = [[row[column] for column in _COLUMNS[:5]] for row in csv.DictReader(stream)]
     if not rows:
-        raise FileError(f"{path} has no rows: the board was not detected.")
+        raise FileError(f"{path} has no rows: no camera detected the board.")
     table = np.array(rows, dtype=np.float64)
     frames, frame = np.unique(table[:, 0].astype(np.int64), return_inverse=True)
     ports, view = np.unique(table[:, 1].astype(np.int64), return_inverse=True)

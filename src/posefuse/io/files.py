@@ -243,7 +243,7 @@ def _writable(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise FileError(f"{path} cannot be written: {error.strerror or error}. Choose another place.") from None
+        raise FileError(f"{path} cannot be written: {error.strerror or error}. Choose another location.") from None
 
 
 @contextlib.contextmanager

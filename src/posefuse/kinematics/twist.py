@@ -16,7 +16,7 @@ _MIN_HINGE_COSINE = 0.7
 _LEFT = np.array([0.0, 1.0, 0.0])
 _UP = np.array([0.0, 0.0, 1.0])
 # Elbows bend forward and knees backward; for other joints the hinges of the tree define the sense.
-_BACKWARDS = {"left_wrist": False, "right_wrist": False, "left_ankle": True, "right_ankle": True}
+_BENDS_BACKWARD = {"left_wrist": False, "right_wrist": False, "left_ankle": True, "right_ankle": True}
 
 
 def full_rotations(tree: Tree, turns: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -158,8 +158,8 @@ def _sense(tree: Tree, bone: int, then: int) -> int:
 
     The names of elbows and knees define it, and the hinges of the tree.
     """
-    if tree.bones[then] in _BACKWARDS:
-        return 1 if _BACKWARDS[tree.bones[then]] else -1
+    if tree.bones[then] in _BENDS_BACKWARD:
+        return 1 if _BENDS_BACKWARD[tree.bones[then]] else -1
     for limit in tree.limits:
         if limit.kind == HINGE and limit.bone == then:
             along = float(np.dot(limit.axis, rest_frames(tree)[bone][:, 1]))

@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 
 from posefuse.kernels.left_right.orientation import link_costs
+from posefuse.kernels.left_right.records import LinkModel, PairMemory
 from posefuse.left_right.estimates import SideModel, symmetry_cosines
 from posefuse.left_right.layout import Layout
 from posefuse.left_right.person_sequence import PersonSequence
@@ -25,7 +26,7 @@ class LastObservations:
         points_m: shape (pair, 2, 3).
         covariance_m2: shape (pair, 2, 6).
         points_s: shape (pair, 2): time of each point.
-        odds: shape (pair, view): log-odds of each view's labels.
+        odds: shape (pair, view): log odds of each view's labels.
         odds_s: shape (pair, view): time of the labels.
     """
 
@@ -47,9 +48,9 @@ class LastObservations:
         )
 
     @property
-    def arrays(self) -> tuple[np.ndarray, ...]:
+    def arrays(self) -> PairMemory:
         """Return the arrays as the kernels take them, for writing."""
-        return self.points_m, self.covariance_m2, self.points_s, self.odds, self.odds_s
+        return PairMemory(self.points_m, self.covariance_m2, self.points_s, self.odds, self.odds_s)
 
 
 def label_weights(layout: Layout, model: SideModel) -> np.ndarray:
@@ -73,15 +74,16 @@ def linkage_costs(sequence: PersonSequence, layout: Layout, model: SideModel) ->
     Cues are bone lengths, parallel vectors, and the correlation of labels within a chain.
     """
     out = np.empty((len(sequence.time_s), len(layout.links)))
-    link_costs(
-        sequence.points, sequence.odds, layout.links, model.length, model.length_sd, model.direction_cosine,
-        model.direction_cosine_sd, _label_agreement(layout, model), _MAX_BONE_COST, _BONE_WEIGHT, out,
+    links = LinkModel(
+        layout.links, model.length, model.length_sd, model.direction_cosine, model.direction_cosine_sd,
+        _label_agreement(layout, model),
     )  # fmt: skip
+    link_costs(sequence.points, sequence.odds, links, _MAX_BONE_COST, _BONE_WEIGHT, out)
     return out
 
 
 def _label_agreement(layout: Layout, model: SideModel) -> np.ndarray:
-    """Return log-odds beyond chance that two labels of a chain agree, shape (link, view)."""
+    """Return log odds beyond chance that two labels of a chain agree, shape (link, view)."""
     differ_by_chance = 2.0 * model.swap_share * (1.0 - model.swap_share)
     differ = np.maximum(differ_by_chance * (1.0 - model.chain_correlation), 0.005)
     beyond_chance = np.log((1.0 - differ) / differ) - np.log((1.0 - differ_by_chance) / differ_by_chance)

@@ -60,7 +60,7 @@ class Layout:
         across = np.flatnonzero(block_of[links[:, 0]] != block_of[links[:, 1]])
         within = tuple(_within(block, links) for block in blocks)
         unpaired = np.flatnonzero(skeleton.mirror == np.arange(len(skeleton)))[:_MAX_UNPAIRED]
-        # Order from the trunk outwards, one pair of every chain at a time.
+        # Order from the trunk outward, one pair of every chain at a time.
         ranked = sorted((rank, p) for chain in members for rank, p in enumerate(chain))
         middles = np.array([p for _, p in ranked[:_MAX_MIDPOINTS]], dtype=np.int64)
         trunk = np.zeros(len(skeleton.pairs), dtype=bool)
@@ -70,7 +70,7 @@ class Layout:
 
 
 def _chains(skeleton: Skeleton) -> tuple[tuple[str, ...], list[list[int]]]:
-    """Return names of the chains and their pairs from the trunk outwards, then every remaining pair alone."""
+    """Return names of the chains and their pairs from the trunk outward, then every remaining pair alone."""
     index = {pair: p for p, pair in enumerate(skeleton.pairs)}
     assigned: set[int] = set()
     names: list[str] = []

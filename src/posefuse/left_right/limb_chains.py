@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 
 from posefuse.kernels.left_right.orientation import add_cross_links, find_orientations, temporal_costs
+from posefuse.kernels.left_right.records import LabelModel, MotionSpeeds, OrientationCosts, PairBlock, PairFrames
 from posefuse.left_right.costs import LastObservations, label_weights, linkage_costs, symmetry_costs
 from posefuse.left_right.estimates import SideModel, estimate_model, initial_model
 from posefuse.left_right.layout import Layout
@@ -101,7 +102,8 @@ def decode(
             costs = start if final else start.copy()
             add_cross_links(pair_cost, link_cost, layout.links, layout.across, out, decided_pairs, pair_cost_now)
             origin = np.empty((len(pair_cost), len(costs)), dtype=np.int64)
-            find_orientations(time_cost, pair_cost_now, link_cost, block, inside, ends, costs, origin, out)
+            orientation_costs = OrientationCosts(time_cost, pair_cost_now, link_cost)
+            find_orientations(orientation_costs, PairBlock(block, inside, ends), costs, origin, out)
             decided_pairs[block] = True
     return out
 
@@ -112,8 +114,8 @@ def temporal_pair_costs(
     """Return the cost of each orientation given the previous one, shape (frame, pair, 2, 2); updates ``memory``."""
     frames, pairs, _ = sequence.odds.shape
     out = np.empty((frames, pairs, 2, 2))
-    speeds = model.turn_speed, model.speed
-    views = model.swap_share, model.forgetting_rate, label_weights(layout, model)
-    frame = sequence.points, np.ascontiguousarray(sequence.covariance), sequence.odds, sequence.time_s
-    temporal_costs(*frame, memory.arrays, speeds, views, np.empty((2, 6)), out)
+    speeds = MotionSpeeds(model.turn_speed, model.speed)
+    labels = LabelModel(model.swap_share, model.forgetting_rate, label_weights(layout, model))
+    part = PairFrames(sequence.points, np.ascontiguousarray(sequence.covariance), sequence.odds, sequence.time_s)
+    temporal_costs(part, memory.arrays, speeds, labels, np.empty((2, 6)), out)
     return out

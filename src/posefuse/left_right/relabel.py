@@ -184,7 +184,7 @@ def _no_swaps(layer: Layer, skeleton: Skeleton) -> Swaps:
     seen = np.logical_not(unseen.all(axis=3))
     state = [seen[:, :, layout.chain_of == c].any(axis=2) for c in range(len(layout.chains))]
     return Swaps(
-        layout.chains, np.where(np.stack(state, axis=-1), SwapState.AS_LABELLED, SwapState.UNKNOWN).astype(np.int8)
+        layout.chains, np.where(np.stack(state, axis=-1), SwapState.AS_LABELED, SwapState.UNKNOWN).astype(np.int8)
     )
 
 
@@ -245,7 +245,7 @@ def independent_swaps(evidence: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             information.
 
     Returns:
-        The same shape, bool; and shape (view,): twice the log-odds against it.
+        The same shape, bool; and shape (view,): twice the log odds against it.
     """
     evidence = np.clip(evidence.astype(np.float64), -_MAX_EVIDENCE, _MAX_EVIDENCE)
     share = np.full(evidence.shape[-1], _INITIAL_SHARE)

@@ -29,7 +29,7 @@ def votes(sequence: PairSequence) -> np.ndarray:
     points, used = sequence.pairs.points_m, np.asarray(sequence.pairs.used)
     across = points[:, :, 1] - points[:, :, 0]
     across = across / np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-12)
-    centers = np.array([camera.centre_m for camera in sequence.rig.cameras])
+    centers = np.array([camera.center_m for camera in sequence.rig.cameras])
     rays = points[:, :, None] - centers[:, None]
     rays = rays / np.maximum(np.linalg.norm(rays, axis=-1, keepdims=True), 1e-12)
     weight = 1.0 - np.abs(np.einsum("npvix,npx->npvi", rays, across))

@@ -21,8 +21,8 @@ def warm_up(session: Session, options: Options) -> None:
         session: the session to prepare; it is not changed.
         options: options of the session.
     """
-    _, distorted, fisheye = session.rig.packed
-    lens = "fisheye" if fisheye else "pinhole" if distorted is None else "barrel"
+    cameras = session.rig.packed
+    lens = "fisheye" if cameras.fisheye else "pinhole" if cameras.distorted is None else "barrel"
     try:
         scene = simulate_crowd(replace(_SCENE, lens=lens, skeleton=options.skeleton or _SCENE.skeleton))
     except PosefuseError:

@@ -14,6 +14,7 @@ import numpy as np
 
 from posefuse.arrays import PickledByFields, frozen, same
 from posefuse.errors import CameraError, MatchError, choices, suggestion
+from posefuse.kernels.records import CameraArrays
 
 UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]
 UP_AXES: tuple[UpAxis, ...] = get_args(UpAxis)
@@ -134,7 +135,7 @@ class Camera(PickledByFields):
         return self.camera_from_world[:3, 3]
 
     @property
-    def centre_m(self) -> np.ndarray:
+    def center_m(self) -> np.ndarray:
         """Shape (3,): camera center in world coordinates, in meters."""
         return -self.rotation.T @ self.translation_m
 
@@ -207,7 +208,7 @@ class CameraRig(PickledByFields):
         cameras: cameras in a fixed order, with unique names.
         up_axis: up axis of the world, or None if unknown (an Anipose world is a camera or a board).
         source: name of the calibration file, without folder.
-        metres_per_unit: factor from the file's unit to meters.
+        meters_per_unit: factor from the file's unit to meters.
         notes: notes of the reader.
         left_out: names of cameras with an invalid calibration; their views are not used.
 
@@ -218,7 +219,7 @@ class CameraRig(PickledByFields):
     cameras: tuple[Camera, ...]
     up_axis: UpAxis | None = None
     source: str = ""
-    metres_per_unit: float = 1.0
+    meters_per_unit: float = 1.0
     notes: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
 
@@ -262,17 +263,12 @@ class CameraRig(PickledByFields):
         return replace(self, cameras=tuple(self[name] for name in names))
 
     @cached_property
-    def packed(self) -> tuple[np.ndarray, bool | None, bool | None]:
-        """The cameras as kernels read them.
-
-        Returns:
-            The camera array, shape (view, COLUMNS); and whether any lens is distorted and any is a fisheye: None if
-            not, so that kernels are compiled without that lens, which saves a quarter of the time.
-        """
+    def packed(self) -> CameraArrays:
+        """The cameras as kernels read them, compiled without the lenses that the rig lacks: a quarter of the time."""
         lenses = {camera.lens for camera in self.cameras}
         distorted = True if lenses & {LensModel.BROWN, LensModel.RATIONAL} else None
         fisheye = True if LensModel.FISHEYE in lenses else None
-        return frozen(np.stack([camera.packed for camera in self.cameras])), distorted, fisheye
+        return CameraArrays(frozen(np.stack([camera.packed for camera in self.cameras])), distorted, fisheye)
 
     def project(self, points_m: np.ndarray) -> np.ndarray:
         """Project world points into every view: (..., 3) in meters to (view, ..., 2) in px, NaN where undefined."""
@@ -384,7 +380,8 @@ def _check_pose(name: str, pose: np.ndarray) -> None:
         determinant = float(np.linalg.det(rotation))
     if not off <= _ROTATION_TOLERANCE or determinant < 0:
         raise CameraError(
-            f"Camera {name!r}: the rotation is not one: R R^T differs from the identity by {off:.2g} (at most "
+            f"Camera {name!r}: the rotation matrix is not a proper rotation: R R^T differs from the identity by "
+            f"{off:.2g} (at most "
             f"{_ROTATION_TOLERANCE:g}) and its determinant is {determinant:.4f} (expected 1). A matrix that was "
             "scaled, mirrored or typed with few digits is the usual cause."
         )

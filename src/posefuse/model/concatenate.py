@@ -40,7 +40,7 @@ def concatenate_ranges(parts: Iterable[Reconstruction], n_frames: int) -> Recons
         events |= dict.fromkeys(part.events)
         at = stop
     if first is None or at != n_frames:
-        raise ResultError(f"The ranges of a reconstruction of {n_frames} frames have {at} frames in all.")
+        raise ResultError(f"The ranges have {at} frames in total, but the reconstruction has {n_frames}.")
     return _concatenated(first, whole, tuple(events))
 
 

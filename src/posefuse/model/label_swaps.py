@@ -14,7 +14,7 @@ class SwapState(IntEnum):
     """Whether a view swaps the sides of a limb."""
 
     UNKNOWN = -1
-    AS_LABELLED = 0
+    AS_LABELED = 0
     SWAPPED = 1
 
 

@@ -16,12 +16,12 @@ EventKind = Literal[
 
 EVENT_KINDS: dict[EventKind, str] = {
     "confirmed": "A tentative track became a confirmed track.",
-    "lost": "No camera, or too few cameras, show the person any more.",
+    "lost": "Too few cameras show the person.",
     "reacquired": "The detections of a lost track continue.",
-    "reidentified": "A new person was identified as one whose track was lost.",
-    "terminated": "The track ended and is not searched for any more.",
-    "possible_identity_switch": "The person may be another one; check these frames.",
-    "identities_swapped": "Two people were mistaken for each other, and their identities were swapped.",
+    "reidentified": "A new track was re-identified as a lost one.",
+    "terminated": "The track ended and can no longer be re-acquired.",
+    "possible_identity_switch": "The identity may have changed; check these frames.",
+    "identities_swapped": "Two identities were swapped; the names were corrected.",
     "limb_reinitialized": "A limb was reinitialized where most cameras show it.",
     "camera_rejected": "A camera contradicts the others and is not used to find new people.",
     "camera_restored": "A rejected camera agrees with the others again.",

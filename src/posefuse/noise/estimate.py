@@ -110,7 +110,7 @@ def calibrate_error_model(rig: CameraRig, samples: Samples, options: Options, pr
         model = fit_error_model(leave_one_out_points(rig, samples.large, layer, noise), exponent)
         if model is None or noise.origin == "assumed":
             raise DetectionsError(
-                "Too few points are seen by three views that agree to estimate the detector's noise. Use a longer "
+                "Too few points are seen by three agreeing views to estimate the detector's noise. Use a longer "
                 "recording or more cameras."
             )
         rounds += 1

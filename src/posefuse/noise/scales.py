@@ -121,7 +121,7 @@ def _camera_factors(fit: LinearFit) -> np.ndarray:
     The ratio follows from squared changes of residuals from one frame to the next, divided by the degrees of freedom
     that the points leave a camera; medians limit the effect of outliers. Constant residuals, such as calibration
     errors, do not show which camera is wrong, and trusting cameras that happen to agree would make them agree more.
-    Differences hardly larger than chance are shrunk towards the mean (James & Stein 1961).
+    Differences hardly larger than chance are shrunk toward the mean (James & Stein 1961).
 
     Args:
         fit: pairs of points, one after the other, seen by the same views.

@@ -1,4 +1,4 @@
-"""Make bone lengths constant: from the root outwards, each bone keeps its direction and gets its median length."""
+"""Make bone lengths constant: from the root outward, each bone keeps its direction and gets its median length."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ def median_bones(parts: Iterable[np.ndarray], skeleton: Skeleton) -> Bones:
 
 
 def hierarchy(skeleton: Skeleton) -> np.ndarray:
-    """Return the edges as a tree from the root outwards, shape (bone, 2), int64: near and far keypoint.
+    """Return the edges as a tree from the root outward, shape (bone, 2), int64: near and far keypoint.
 
     The root is the mid-hip if there is such a keypoint, otherwise the keypoint with the most edges. Edges that close a
     cycle are ignored; keypoints not connected to the root form trees of their own.

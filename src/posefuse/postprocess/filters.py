@@ -93,7 +93,7 @@ def _running_median(options: MedianOptions, clock: Clock) -> Smoother:
 def _median(xyz_m: np.ndarray, size: int) -> np.ndarray:
     """Return the running median.
 
-    The window shrinks towards the ends, so that the ends of a motion are not flattened.
+    The window shrinks toward the ends, so that the ends of a motion are not flattened.
     """
     out = median_filter(xyz_m, size=(size, 1), mode="nearest")
     for i in range(min(size // 2, (len(xyz_m) + 1) // 2)):

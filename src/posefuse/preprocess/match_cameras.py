@@ -82,7 +82,7 @@ def _by_name(rig: CameraRig, detections: Detections) -> tuple[str, ...]:
         near = [name for name in rig.names if plain_name(name) == plain_name(view)]
         found = exact or near or [name for name in rig.names if has_name(view, name)]
         if len(found) != 1:
-            problem = "has no camera of its name" if not found else f"could be any of {choices(found)}"
+            problem = "matches no camera by name" if not found else f"could be any of {choices(found)}"
             raise MatchError(
                 f"View {view!r} {problem}. Views: {choices(detections.view_names)}. Cameras: {choices(rig.names)}. "
                 "To match them in another way, use --camera-order: one camera name per view, in the order of the views "

@@ -81,12 +81,12 @@ def _check_times(detections: Detections, known: np.ndarray) -> None:
                 "others have times. Give the times of all, or of none."
             )
         times = detections.time_s[known[:, v], v]
-        backwards = np.flatnonzero(np.diff(times) < 0)
-        if len(backwards):
-            at = detections.frame_numbers[known[:, v]][backwards[0]]
+        backward = np.flatnonzero(np.diff(times) < 0)
+        if len(backward):
+            at = detections.frame_numbers[known[:, v]][backward[0]]
             raise DetectionsError(
-                f"The times of view {name!r} go backwards after frame {at}: {times[backwards[0]]:.6f} s is followed by "
-                f"{times[backwards[0] + 1]:.6f} s. Correct the times."
+                f"The times of view {name!r} go backward after frame {at}: {times[backward[0]]:.6f} s is followed by "
+                f"{times[backward[0] + 1]:.6f} s. Correct the times."
             )
 
 
@@ -168,16 +168,16 @@ def _timeline_of(detections: Detections, known: np.ndarray, view: int) -> _Timel
 
 def _ticks(own: np.ndarray, others: np.ndarray, period: float) -> np.ndarray:
     """Return the times of the reference view and, in its gaps, of other views: about one per frame period."""
-    before = _walk(own[0], np.inf, -others[::-1], period, backwards=True)
+    before = _walk(own[0], np.inf, -others[::-1], period, backward=True)
     after = _walk(own[-1], np.inf, others, period)
     holes = np.flatnonzero(np.diff(own) > 1.5 * period)
     filled = [_walk(own[i], own[i + 1] - _HALF * period, others, period) for i in holes]
     return np.sort(np.concatenate([before, own, *filled, after]))
 
 
-def _walk(start: float, stop: float, others: np.ndarray, period: float, *, backwards: bool = False) -> np.ndarray:
-    """Return times of other views from ``start`` to ``stop``, one per frame period; negated times if backwards."""
-    last = -start if backwards else start
+def _walk(start: float, stop: float, others: np.ndarray, period: float, *, backward: bool = False) -> np.ndarray:
+    """Return times of other views from ``start`` to ``stop``, one per frame period; negated times if backward."""
+    last = -start if backward else start
     found = []
     while True:
         expected = last + period
@@ -190,7 +190,7 @@ def _walk(start: float, stop: float, others: np.ndarray, period: float, *, backw
         if last >= stop:
             break
         found.append(last)
-    return -np.array(found) if backwards else np.array(found)
+    return -np.array(found) if backward else np.array(found)
 
 
 def _nearest(times: np.ndarray, ticks: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:

@@ -43,19 +43,19 @@ def weight_by_sigma(detections: Detections, options: Options, default_px: float 
     Args:
         detections: detections with ``sigma_px``.
         options: options of the reconstruction.
-        default_px: noise of a detection of confidence 1 where a recording does not show it; None if the options fix the
-            noise.
+        default_px: noise of a detection of confidence 1 if the recording does not determine it; None if the options set
+            the noise.
     """
     unweighted = replace(detections, sigma_px=None)
     if default_px is None:
-        note = "The options fix the noise: the standard deviations that the detections come with are not used."
+        note = "The options set the noise; the standard deviations of the detections in the files are not used."
         return WeightedDetections(options, unweighted, (note,))
     found = weighted(detections, default_px, options.triangulation.min_confidence)
     if found is None:
         return WeightedDetections(options, unweighted, ())
     note = (
-        "Detections are weighted by the standard deviations that they come with; their common scale is estimated from "
-        "the recording. --noise-scale-px weights all detections alike."
+        "Detections are weighted by their standard deviations in the files; a common scale is estimated from the "
+        "recording. --noise-scale-px weights all detections equally."
     )
     triangulation = replace(options.triangulation, confidence_exponent=1.0)
     return WeightedDetections(replace(options, triangulation=triangulation), found, (note,))

@@ -130,7 +130,7 @@ def _side(name: str) -> str:
 
 def _frusta(result: Reconstruction) -> list[dict[str, Any]]:
     """Return the cameras as pyramids whose size depends on the distances between the cameras."""
-    centers = np.array([camera.centre_m for camera in result.rig.cameras])
+    centers = np.array([camera.center_m for camera in result.rig.cameras])
     distance = float(np.median(np.linalg.norm(centers - np.median(centers, axis=0), axis=-1)))
     return [_frustum(camera, 0.1 * distance or 0.4) for camera in result.rig.cameras]
 
@@ -143,10 +143,10 @@ def _frustum(camera: Camera, depth_m: float) -> dict[str, Any]:
     if camera.lens is LensModel.FISHEYE or not np.isfinite(rays).all():
         half = np.tan(np.radians(35))
         rays = np.array([[-half, -half, 1], [half, -half, 1], [half, half, 1], [-half, half, 1]])
-    points = camera.centre_m + (depth_m * rays / rays[:, 2:]) @ camera.rotation
+    points = camera.center_m + (depth_m * rays / rays[:, 2:]) @ camera.rotation
     return {
         "name": camera.name,
-        "center": _rounded(camera.centre_m, 4),
+        "center": _rounded(camera.center_m, 4),
         "corners": [_rounded(point, 4) for point in points],
         "size": [width, height],
         "matrix": _rounded(camera.matrix.ravel(), 6),

@@ -115,7 +115,7 @@ def _check_segments(segments: Mapping[str, Any], where: str) -> None:
             expected = "{}, because it is the root" if i == 0 else '{ at = "the point about which it rotates" }'
             raise SkeletonError(f"{where}.segments.{name} must be {expected}; got {row!r}.")
         if name.startswith("left_") and f"right_{name[5:]}" not in segments:
-            raise SkeletonError(f"{where}.segments has {name!r} but no 'right_{name[5:]}': name both.")
+            raise SkeletonError(f"{where}.segments has {name!r} but no 'right_{name[5:]}'; define both.")
 
 
 def _check_row(
@@ -131,7 +131,8 @@ def _check_row(
         raise SkeletonError(f"{where}.{table}.{name} must be {_ROWS[table]} with positive lengths; got {row!r}.")
     known = segments if table == "twists" else bones
     if table in ("hinges", "cones", "twists") and name not in known:
-        raise SkeletonError(f"{where}.{table} contains {name!r}, which is not such an end. {suggestion(name, known)}")
+        kind = "a segment" if table == "twists" else "the end of a bone"
+        raise SkeletonError(f"{where}.{table} contains {name!r}, which is not {kind}. {suggestion(name, known)}")
     if table != "bones" and row[0] not in (segments if table != "points" else beside):
         raise SkeletonError(f"{where}.{table}.{name}: no segment {row[0]!r}. {suggestion(row[0], segments)}")
 

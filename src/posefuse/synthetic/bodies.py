@@ -86,7 +86,7 @@ def hidden_keypoints(rig: CameraRig, points_m: np.ndarray, capsules: Capsules, s
     points = np.ascontiguousarray(points_m, dtype=np.float64)
     for v, camera in enumerate(rig.cameras):
         mark_occluded(
-            camera.centre_m,
+            camera.center_m,
             points,
             capsules.starts_m,
             capsules.ends_m,

@@ -18,7 +18,7 @@ class CrowdFaults:
 
     Attributes:
         hidden_miss_share: Fraction of occluded keypoints that are missed, in intervals of 0.2 s.
-        hidden_confidence: Factor on the confidence of occluded keypoints; their errors grow by its inverse.
+        hidden_confidence: Factor for the confidence of occluded keypoints; their errors grow by its inverse.
         hidden_error: Further factor on the errors of occluded keypoints.
         visible_share: Minimum fraction of visible keypoints at which a person is detected.
         smallest_px: Minimum extent in the image at which a person is detected.
@@ -110,7 +110,9 @@ class CrowdOptions:
         if self.duration_s is not None and not self.duration_s >= shortest:
             raise OptionsError(f"Scenario {self.scenario} lasts at least {shortest:g} s, got {self.duration_s}.")
         if self.statures_m and len(self.statures_m) != self.n_people:
-            raise OptionsError(f"statures_m needs one for each of {self.n_people} people, got {len(self.statures_m)}.")
+            raise OptionsError(
+                f"statures_m needs one value for each of {self.n_people} people, got {len(self.statures_m)}."
+            )
         if self.detector.max_offset_s:
             raise OptionsError("Scenes of several people have one clock: leave detector.max_offset_s at 0.")
 

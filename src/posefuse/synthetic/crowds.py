@@ -255,7 +255,7 @@ def _one_camera(options: CrowdOptions, rig: CameraRig, time_s: np.ndarray, rng: 
 def _occluding_pillars(cameras: list[Camera], floor_m: np.ndarray, when: np.ndarray) -> Capsules:
     """Return upright pillars between cameras and a person, just wide enough to hide the person."""
     part, reach = 0.3, 0.55
-    feet = [camera.centre_m[:2] + part * (floor_m - camera.centre_m[:2]) for camera in cameras]
+    feet = [camera.center_m[:2] + part * (floor_m - camera.center_m[:2]) for camera in cameras]
     base = np.where(when[:, None, None], np.stack(feet, axis=1), np.nan)
     low, high = (np.concatenate([base, np.full((*base.shape[:2], 1), z)], axis=2) for z in (-0.5, 3.5))
     return Capsules(low, high, np.full(len(cameras), part * reach), np.full(len(cameras), -1))
@@ -292,7 +292,7 @@ def _turned(rig: CameraRig, view: int, angle_deg: float) -> CameraRig:
     camera = rig.cameras[view]
     pose = camera.camera_from_world.copy()
     pose[:3, :3] = pose[:3, :3] @ Rotation.from_euler("z", angle_deg, degrees=True).as_matrix()
-    pose[:3, 3] = -pose[:3, :3] @ camera.centre_m
+    pose[:3, 3] = -pose[:3, :3] @ camera.center_m
     cameras = (*rig.cameras[:view], replace(camera, camera_from_world=pose), *rig.cameras[view + 1 :])
     return replace(rig, cameras=cameras)
 

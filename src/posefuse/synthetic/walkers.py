@@ -235,19 +235,19 @@ def meet(
 
 
 def heading_along(
-    floor_m: np.ndarray, towards_m: np.ndarray | None = None, facing: np.ndarray | None = None
+    floor_m: np.ndarray, toward_m: np.ndarray | None = None, facing: np.ndarray | None = None
 ) -> np.ndarray:
     """Return the heading of a person who looks in the direction of walking, or at a target, shape (step,).
 
     Args:
         floor_m: shape (step, 2): position of the person.
-        towards_m: shape (step, 2): position of the target.
+        toward_m: shape (step, 2): position of the target.
         facing: shape (step,), bool: whether the person looks at the target.
     """
     velocity = np.gradient(floor_m, axis=0) * GRID_HZ
     turn_rate = np.minimum(1.0, np.linalg.norm(velocity, axis=1) / 0.4)
-    if towards_m is not None and facing is not None:
-        velocity = np.where(facing[:, None], towards_m - floor_m, velocity)
+    if toward_m is not None and facing is not None:
+        velocity = np.where(facing[:, None], toward_m - floor_m, velocity)
         turn_rate = np.where(facing, 1.0, turn_rate)
     target = np.arctan2(velocity[:, 1], velocity[:, 0])
     moving = np.flatnonzero(turn_rate > 0.3)

@@ -44,9 +44,8 @@ def _smooth_chunk(state: State, dt_s: np.ndarray, settings: TrackerSettings) -> 
     n, h, free = settings.tree.n_pose, settings.tree.n_shape, bool(state.free[0])
     rows = free_columns(n, h, free)
     gains, rest = np.empty((2, len(dt_s), len(rows), len(rows)))
-    walk = settings.options.motion.shape_walk
     retained = np.exp(-dt_s.max() / settings.decay_s.min()) > _MIN_RETAINED
-    if not retained or smoother_gains(dt_s, settings.decay_s, settings.power, walk, state, gains, rest) < len(dt_s):
+    if not retained or smoother_gains(dt_s, settings.motion, state, gains, rest) < len(dt_s):
         gains, rest = _gains(state, rows, dt_s, settings)
     smooth_means(gains, rows, dt_s, settings.decay_s, state)
     late = state.covariance[-1][np.ix_(rows, rows)]
@@ -81,8 +80,8 @@ def _gains(
     n = settings.tree.n_pose
     predicted = select_states(state, np.arange(len(dt_s)))
     # Without limits: that a variance is below its limit is information of the later frame.
-    unlimited = np.full(len(settings.most), np.inf)
-    predict_people(dt_s, settings.decay_s, settings.power, unlimited, settings.options.motion.shape_walk, predicted)
+    unlimited = settings.motion._replace(max_variance=np.full(len(settings.most), np.inf))
+    predict_people(dt_s, unlimited, predicted)
     fade = np.exp(-dt_s[:, None] / settings.decay_s)
     reach = settings.decay_s * (1.0 - fade)
     block = state.covariance[:-1, rows[:, None], rows]

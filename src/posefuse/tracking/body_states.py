@@ -7,7 +7,7 @@ import numpy as np
 from posefuse.arrays import frozen
 from posefuse.kernels.tracking.frame_statistics import count_observations
 from posefuse.kernels.tracking.projection import project_people
-from posefuse.kernels.tracking.records import Body, State
+from posefuse.kernels.tracking.records import Body, ProjectedKeypoints, State
 from posefuse.skeleton.trees import Tree
 
 
@@ -102,13 +102,15 @@ class ProjectedBodies:
             body: Tree of the bodies.
         """
         projected = cls.allocate(len(state.root), len(cameras), len(body.keypoint_nodes))
-        project_people(cameras, body, state, *projected.arrays)
+        project_people(cameras, body, state, projected.arrays)
         return projected
 
     @property
-    def arrays(self) -> tuple[np.ndarray, ...]:
-        """The arrays in the order of the projection kernel's arguments."""
-        return self.points_m, self.covariance_m2, self.pixels, self.pixel_covariance_px2, self.px_per_m
+    def arrays(self) -> ProjectedKeypoints:
+        """The arrays as kernels take them."""
+        return ProjectedKeypoints(
+            self.points_m, self.covariance_m2, self.pixels, self.pixel_covariance_px2, self.px_per_m
+        )
 
 
 @dataclass(frozen=True, eq=False)

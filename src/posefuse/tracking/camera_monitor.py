@@ -6,6 +6,7 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.kernels.tracking.frame_statistics import accumulate_view_support, update_silence
+from posefuse.kernels.tracking.records import ViewSilence, ViewSupport
 from posefuse.model.frames import Frame
 from posefuse.model.options.tracking_stages import CameraMonitorOptions
 from posefuse.model.track_events import EventKind
@@ -68,10 +69,8 @@ class CameraMonitor:
             options: Options of the monitor.
         """
         fade = float(np.exp(-dt_s / options.window_s))
-        accumulate_view_support(
-            supported, expected, n_unassigned, fade, dt_s, self.expected_s, self.matched_s, self.unexplained_s,
-            self.n_due,
-        )  # fmt: skip
+        support = ViewSupport(self.expected_s, self.matched_s, self.unexplained_s, self.n_due)
+        accumulate_view_support(supported, expected, n_unassigned, fade, dt_s, support)
         changes: list[CameraChange] = []
         times = zip(self.expected_s.tolist(), self.matched_s.tolist(), self.unexplained_s.tolist(), strict=True)
         for v, (expected_s, matched_s, unexplained_s) in enumerate(times):
@@ -103,15 +102,16 @@ class CameraMonitor:
             options: Options of the monitor.
         """
         change = np.empty(len(recorded), dtype=np.int64)
+        silence = ViewSilence(self.absent_s, self.blind_s, self.active_s, self.silent)
         if not update_silence(
             frozen(recorded, np.bool_), n_detections, self.n_due, dt_s, options.silent_after_s, options.back_after_s,
-            self.absent_s, self.blind_s, self.active_s, self.silent, change,
+            silence, change,
         ):  # fmt: skip
             return []
         changes: list[CameraChange] = [
             (int(v), "camera_silent", self._silence_reason(int(v))) for v in np.flatnonzero(change > 0)
         ]
-        back = "it delivers frames and shows the people it should show"
+        back = "it delivers frames and shows the expected people"
         return changes + [(int(v), "camera_back", back) for v in np.flatnonzero(change < 0)]
 
     def _silence_reason(self, view: int) -> str:

@@ -213,7 +213,7 @@ class History:
                 rows, used = each.rows, np.tile(each.rows[:, None] >= 0, (1, keypoints))
             else:
                 dt_s = np.array([self.time_s[place] - self.time_s[place - 1]])
-                predict_people(dt_s, s.decay_s, s.power, s.most, s.options.motion.shape_walk, state)
+                predict_people(dt_s, s.motion, state)
                 rows, used = np.full(views, -1), np.zeros((views, keypoints), dtype=bool)
             missing_s = self.time_s[place] - last_seen_s
             self._put(

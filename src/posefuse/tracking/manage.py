@@ -211,7 +211,7 @@ def _audit(
         if result.swap:
             swaps.append(_swap(tracks, contacts, result))
             renamed |= set(result.names)
-            reason = f"its bones are those of {result.names[1]}, log odds {-result.log_odds:.1f}"
+            reason = f"its bone lengths match those of {result.names[1]}, log odds {-result.log_odds:.1f}"
             events.append(Event(outcome.frame.number, outcome.time_s, result.names[0], "identities_swapped", reason))
         elif not result.is_clear:
             reason = f"it may be {result.names[1]} after close contact, log odds {result.log_odds:.1f}"

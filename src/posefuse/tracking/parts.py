@@ -12,9 +12,10 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.kernels import status_codes
+from posefuse.kernels.records import NoiseParameters, Observations, TriangulatedPoints
 from posefuse.kernels.tracking.anchors import update_from_anchors
 from posefuse.kernels.tracking.predict import predict_people
-from posefuse.kernels.tracking.records import USED, State
+from posefuse.kernels.tracking.records import USED, AssignedDetections, State, UpdateResults
 from posefuse.kernels.tracking.update import update_people
 from posefuse.kernels.triangulation.all_views import triangulate_views
 from posefuse.model.frames import Frame
@@ -180,15 +181,14 @@ class PartTracker:
         now_s, times = time_s - dt_s, view_times(frame, time_s)
         for k, (moment_s, views) in enumerate(times):
             dt = np.full(n, max(moment_s - now_s, 0.0))
-            predict_people(dt, s.decay_s, s.power, s.most, s.options.motion.shape_walk, self.state)
+            predict_people(dt, s.motion, self.state)
             now_s = max(now_s, moment_s)
             if k == len(times) - 1:
                 self._update_by_anchors(bodies, order, dt_s)
             part = np.empty_like(use)
-            update_people(
-                s.cameras, s.body, s.law, temper, s.options.iterations, np.where(views, rows, -1), labels,
-                frame.keypoints_px, frame.confidence, self.state, part, np.empty(n), np.empty(n),
-            )  # fmt: skip
+            detections = AssignedDetections(np.where(views, rows, -1), labels, frame.keypoints_px, frame.confidence)
+            out = UpdateResults(part, np.empty(n), np.empty(n))
+            update_people(s.cameras, s.body, s.law, detections, temper, s.options.iterations, self.state, out)
             use[:, views] = part[:, views]
         return use
 
@@ -259,18 +259,17 @@ class PartTracker:
     def _triangulated(self, pixels: np.ndarray, trust: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Triangulate the points that two views or more show: points (point, 3) and covariances (point, 6)."""
         s, (views, points) = self.settings, trust.shape
-        out = (
+        out = TriangulatedPoints(
             np.empty((1, points, 3)), np.empty((1, points, 6)), np.empty((1, points), dtype=np.int8),
             np.empty((1, points, views), dtype=np.int8), np.empty((1, points, views), dtype=np.float32),
             np.empty((1, points)),
         )  # fmt: skip
         whose = np.where(rows >= 0, np.arange(views), status_codes.NO_DETECTION)[None]
         # Frozen as the arrays of a recording are: the kernel is compiled for these already.
-        seen = frozen(pixels), frozen(trust)
-        triangulate_views(
-            *s.rig.packed, *seen, whose, s.noise.scale_px, s.noise.exponent, s.law.min_confidence, 2, *out
-        )
-        return out[0][0], out[1][0]
+        seen = Observations(frozen(pixels), frozen(trust), whose)
+        noise = NoiseParameters(s.noise.scale_px, s.noise.exponent, s.law.min_confidence)
+        triangulate_views(s.rig.packed, seen, noise, 2, out)
+        return out.points[0], out.covariance[0]
 
     def _fit(self, seen: Observation, name: str) -> State | None:
         """Fit a part to one observation; None if no part fits it."""

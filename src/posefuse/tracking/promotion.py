@@ -186,7 +186,7 @@ def _promote(
     last = tentative.observations[-1]
     single = [single_view[int(row)] for row in last.rows if int(row) in single_view]
     if single:
-        reason = "other cameras show the person of whom one camera had the only detection"
+        reason = "other cameras show the person, whom a single camera had shown"
         lost: Reidentification | None = Reidentification(single[0], reason)
     elif _is_occupied(state, tracks, setup):
         return None

@@ -1,13 +1,14 @@
 """Settings of a tracker, packed once."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from posefuse.arrays import PickledByFields, frozen
 from posefuse.errors import SkeletonError
 from posefuse.kernels.tracking.error_model import ErrorModel
-from posefuse.kernels.tracking.records import Body
+from posefuse.kernels.tracking.records import Body, MotionModel, SideGroups
 from posefuse.kinematics.initial_pose import max_variances, motion_parameters
 from posefuse.model.cameras import CameraRig
 from posefuse.model.noise import NoiseModel
@@ -62,7 +63,7 @@ class TrackerSettings(PickledByFields):
 
     def __post_init__(self) -> None:
         # Freeze the arrays also if the settings were pickled: kernels compile writable arrays as another type.
-        object.__setattr__(self, "cameras", self.rig.packed[0])
+        object.__setattr__(self, "cameras", self.rig.packed.array)
         object.__setattr__(self, "body", body_of(self.tree))
         object.__setattr__(self, "core", frozen(self.core, np.int64))
 
@@ -84,8 +85,8 @@ class TrackerSettings(PickledByFields):
         half = (int((tree.keypoint_nodes >= 0).sum()) + 1) // 2
         options = replace(options, min_joints=min(options.min_joints, half))
         decay, power = motion_parameters(tree, options.motion)
-        # BodyFrame stand for the detections of either side.
-        cameras = rig.packed[0]
+        # The spread makes the filter expect the tails of accepted errors as well.
+        cameras = rig.packed.array
         law = ErrorModel(
             np.ascontiguousarray(noise.scale_px * noise.spread),
             float(noise.exponent),
@@ -103,6 +104,16 @@ class TrackerSettings(PickledByFields):
             skeleton.core_indices,
         )  # fmt: skip
 
+    @cached_property
+    def motion(self) -> MotionModel:
+        """The motion model in the form that kernels take."""
+        return MotionModel(self.decay_s, self.power, self.most, float(self.options.motion.shape_walk))
+
+    @cached_property
+    def sides(self) -> SideGroups:
+        """The limbs whose sides swap together, in the form that kernels take."""
+        return SideGroups(self.skeleton.mirror, self.group_of, self.n_groups)
+
     def variance_px2(self, confidence: np.ndarray, view: np.ndarray) -> np.ndarray:
         """Return the noise variance per axis of keypoints by the noise model alone, shape (row, keypoint).
 
@@ -119,7 +130,7 @@ def filter_memory_s(
 ) -> np.ndarray:
     """Return the correlation time of detection errors for the filter, in seconds, shape (track,).
 
-    Errors last longer than the filter looks back. With fewer views each frame carries less information, so that the
+    Errors last longer than the filter looks back. With fewer views each frame carries less information, so the
     filter looks back farther and correlated errors weigh more; with longer times between frames fewer frames share an
     error. The distance of a person in a single view follows from the apparent size, which hardly changes: over that the
     filter averages as many frames as the smoother, and needs the smoother's correlation time.

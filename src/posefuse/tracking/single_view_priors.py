@@ -1,7 +1,7 @@
 """Priors on posture and height for people whom a single view shows.
 
 A single view measures the distance of a person by the apparent size, which correlated errors change by a tenth and
-more. A bone that errors shorten turns towards the view or away from it; one that they lengthen cannot turn, so that
+more. A bone that errors shorten turns toward the view or away from it; one that they lengthen cannot turn, so
 bodies without further constraints drift closer. Two quantities stay about what they were while several views showed the
 person: the inclination of the trunk with the angle between each bone and the trunk, and the height of the body's lowest
 point, because floors are level. The height needs a calibration with a known up axis.
@@ -10,7 +10,7 @@ point, because floors are level. The height needs a calibration with a known up 
 import numpy as np
 
 from posefuse.kernels.tracking.posture_statistics import lowest_point, update_height_statistics, update_lean_statistics
-from posefuse.kernels.tracking.records import State
+from posefuse.kernels.tracking.records import LeanStatistics, State
 from posefuse.model.cameras import up_vector
 from posefuse.tracking.body_states import ProjectedBodies, select_states, set_state
 from posefuse.tracking.records import RecentHistory
@@ -31,10 +31,9 @@ def observe_posture(
         settings: Settings of the tracker.
     """
     if state.turns.shape[1]:
-        update_lean_statistics(
-            state.turns, state.bones, n_views > 1, dt_s, settings.options.single_view.history_s,
-            recent.posture_observed_s, recent.leans, recent.leans_variance, recent.trunk_axis,
-        )  # fmt: skip
+        statistics = LeanStatistics(recent.posture_observed_s, recent.leans, recent.leans_variance, recent.trunk_axis)
+        memory_s = settings.options.single_view.history_s
+        update_lean_statistics(state.turns, state.bones, n_views > 1, dt_s, memory_s, statistics)
 
 
 def observe_height(
@@ -112,9 +111,9 @@ def apply_height_prior(
 
 
 def _lean_rows(body: State, recent: RecentHistory, p: int, lean_sd: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return Jacobian of the leans, shape (lean, pose), their residuals and their variances, shape (lean,).
+    """Return the Jacobian of the inclinations, shape (inclination, pose), their residuals and their variances.
 
-    The first two leans are those of the trunk in the world, the others those of all other movers to the trunk.
+    The first two are those of the trunk in the world, the others those of all segments and bones to the trunk.
     """
     segments, n = body.turns.shape[1], body.velocity.shape[1]
     frames = np.concatenate([body.turns[0], body.bones[0]])

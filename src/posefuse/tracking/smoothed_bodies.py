@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.kernels.tracking.projection import project_people
-from posefuse.kernels.tracking.records import State
+from posefuse.kernels.tracking.records import ProjectedKeypoints, State
 from posefuse.kernels.tracking.smoothing import add_information
 from posefuse.kinematics.angle_sds import axes_covariance, joint_angle_sds
 from posefuse.model.cameras import up_vector
@@ -80,7 +80,8 @@ def describe_bodies(state: State, information: np.ndarray | None, settings: Trac
         if information is not None:
             _add_independent_information(covariance, information[to], state.free[to], settings)
         part = State(*(each[to] for each in state))._replace(covariance=covariance)
-        project_people(settings.cameras[:0], settings.body, part, *(each[to] for each in projected.arrays))
+        out = ProjectedKeypoints(*(each[to] for each in projected.arrays))
+        project_people(settings.cameras[:0], settings.body, part, out)
         variances = np.diagonal(covariance, axis1=1, axis2=2)[:, n : n + h]
         shape_sd_m[to] = np.sqrt(np.maximum(variances, 0.0))
         pose[to] = covariance[:, :n, :n]

@@ -35,8 +35,7 @@ class FrameInformation:
 
 def predict_states(state: State, dt_s: np.ndarray, settings: TrackerSettings) -> State:
     """Predict states by a time, in place, and return them."""
-    walk = settings.options.motion.shape_walk
-    predict_people(dt_s, settings.decay_s, settings.power, settings.most, walk, state)
+    predict_people(dt_s, settings.motion, state)
     return state
 
 
@@ -89,15 +88,15 @@ def refilter(
     set_state(out, 0, first)
     information = np.empty((frames, size, size))
     information[0] = 0.0
-    dt_s, walk = np.diff(time_s, prepend=time_s[:1]), settings.options.motion.shape_walk
+    dt_s = np.diff(time_s, prepend=time_s[:1])
     changes = np.flatnonzero(np.diff(filtered.free) != 0) + 1
     k = 1
     while k < frames:
         stop = next((int(each) for each in changes if each >= k), frames)
         to = slice(k - 1, stop)
         k += refilter_frames(
-            dt_s[to], settings.decay_s, settings.power, settings.most, walk, State(*(each[to] for each in filtered)),
-            share[to], applied[to], State(*(each[to] for each in out)), information[to],
+            dt_s[to], settings.motion, State(*(each[to] for each in filtered)), share[to], applied[to],
+            State(*(each[to] for each in out)), information[to],
         ) - 1  # fmt: skip
         if k < frames:
             step = _FrameStep(k, float(dt_s[k]), float(share[k]), float(applied[k]))
@@ -122,7 +121,7 @@ def _refilter_frame(
     """Filter one frame again: where a shape becomes fixed or free, and where rounding matters.
 
     A frame with a reinitialized limb loses information. No share of that can be applied, and it is not information of
-    the frame, so that the state is that of the filter.
+    the frame, so the state is that of the filter.
     """
     k = step.frame
     after = select_states(filtered, [k])

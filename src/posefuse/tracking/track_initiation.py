@@ -7,7 +7,7 @@ from scipy.optimize import linear_sum_assignment
 
 from posefuse.arrays import frozen
 from posefuse.kernels.tracking.predict import predict_people
-from posefuse.kernels.tracking.records import USED, State
+from posefuse.kernels.tracking.records import USED, AssignedDetections, State, UpdateResults
 from posefuse.kernels.tracking.update import update_people
 from posefuse.kinematics.initial_pose import bone_vectors, initial_state, turn_bones
 from posefuse.model.frames import Frame
@@ -167,10 +167,7 @@ def fit_body(
     for i, each in enumerate(observations):
         since_s = each.time_s - observations[i - 1].time_s if i else np.inf
         if i:
-            predict_people(
-                np.array([since_s]), settings.decay_s, settings.power, settings.most,
-                settings.options.motion.shape_walk, state,
-            )  # fmt: skip
+            predict_people(np.array([since_s]), settings.motion, state)
         shown = bone_vectors(tree, each.points_m)
         turn_bones(state.bones[0], shown, np.flatnonzero(~seen & (i > 0)))
         seen |= np.isfinite(shown).all(axis=1)
@@ -201,10 +198,10 @@ def update_by_observation(
     first = np.isinf(since_s)
     law = settings.law._replace(gate=np.inf) if first else settings.law
     temper = tempering_factor(np.array([since_s]), settings.options.error_memory_s)
-    update_people(
-        settings.cameras, settings.body, law, temper, _FIRST_ITERATIONS if first else settings.options.iterations, rows,
-        labels, frozen(observation.keypoints_px), frozen(observation.confidence), state, use, np.empty(1), np.empty(1),
-    )  # fmt: skip
+    detections = AssignedDetections(rows, labels, frozen(observation.keypoints_px), frozen(observation.confidence))
+    iterations = _FIRST_ITERATIONS if first else settings.options.iterations
+    out = UpdateResults(use, np.empty(1), np.empty(1))
+    update_people(settings.cameras, settings.body, law, detections, temper, iterations, state, out)
     return use[0] == USED
 
 

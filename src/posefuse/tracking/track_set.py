@@ -22,7 +22,7 @@ def new_history(n_tracks: int, settings: TrackerSettings) -> RecentHistory:
 def advance_state(state: State, dt_s: float, settings: TrackerSettings) -> None:
     """Predict states by a time, in place; a negative time counts as zero."""
     dt = np.full(len(state.root), max(dt_s, 0.0))
-    predict_people(dt, settings.decay_s, settings.power, settings.most, settings.options.motion.shape_walk, state)
+    predict_people(dt, settings.motion, state)
 
 
 @dataclass(eq=False)

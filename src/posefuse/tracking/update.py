@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.kernels.tracking.frame_statistics import update_gated_time
-from posefuse.kernels.tracking.records import USED, State
+from posefuse.kernels.tracking.records import USED, AssignedDetections, State, UpdateResults
 from posefuse.kernels.tracking.update import update_people
 from posefuse.model.frames import Frame
 from posefuse.model.track_events import Event
@@ -115,10 +115,9 @@ def _update_by(
 ) -> np.ndarray:
     """Update states by some of the detections and return squared innovations, shape (track,)."""
     s, innovation = setup.settings, np.empty(len(rows))
-    update_people(
-        s.cameras, s.body, noise.law, noise.temper, s.options.iterations, rows, association.labels,
-        association.frame.keypoints_px, noise.confidence, state, use, np.empty(len(rows)), innovation,
-    )  # fmt: skip
+    detections = AssignedDetections(rows, association.labels, association.frame.keypoints_px, noise.confidence)
+    out = UpdateResults(use, np.empty(len(rows)), innovation)
+    update_people(s.cameras, s.body, noise.law, detections, noise.temper, s.options.iterations, state, out)
     return innovation
 
 

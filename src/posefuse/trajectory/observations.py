@@ -111,9 +111,8 @@ class PersonObservations:
         keypoints, frames, views, _ = self.pixels.shape
         n = keypoints * frames
         residuals, jacobians = np.empty((n, views, 2)), np.empty((n, views, 2, 3))
-        linearize(
-            *self.rig.packed, paths_m.reshape(n, 3), self.pixels.reshape(n, views, 2), residuals, jacobians
-        )  # fmt: skip
+        pixels = self.pixels.reshape(n, views, 2)
+        linearize(self.rig.packed, paths_m.reshape(n, 3), pixels, residuals, jacobians)
         return residuals.reshape(self.pixels.shape), jacobians.reshape(*self.pixels.shape, 3)
 
 

@@ -140,7 +140,7 @@ def estimate_priors(parts: Iterable[MeasuredRange], skeleton: Skeleton, options:
         for statistics, observed in zip(sums, people, strict=True):
             statistics.add(observed, bones, options, person_priors)
     if errors is None:
-        raise DetectionsError("The trajectory solve was given no frames to learn from.")
+        raise DetectionsError("The trajectory solve needs at least one frame to estimate its parameters.")
     lengths = [each.lengths(bones.rigid, options) for each in sums]
     correlation_s, share = errors.estimate(options)
     return RecordingPriors(

@@ -10,9 +10,10 @@ from functools import cache
 
 import numpy as np
 
-from posefuse.arrays import frozen
+from posefuse.kernels.records import NoiseParameters
 from posefuse.kernels.triangulation.consensus import triangulate_consensus
 from posefuse.kernels.triangulation.pair_order import early_limit, ordered_pairs, required_tries
+from posefuse.kernels.triangulation.workspace import ConsensusParameters
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
@@ -20,7 +21,7 @@ from posefuse.model.options.triangulation import ConsensusOptions, Triangulation
 from posefuse.model.reconstruction import Layer
 from posefuse.model.tracks import Tracks
 from posefuse.triangulation.method import Method
-from posefuse.triangulation.results import LayerBuffers, rows_by_person_frame
+from posefuse.triangulation.results import LayerBuffers, observations_of
 
 
 def solve(
@@ -34,21 +35,19 @@ def solve(
     out = LayerBuffers.allocate(tracks, len(detections.skeleton))
     chosen = options.consensus
     triangulate_consensus(
-        *rig.packed,
-        frozen(detections.keypoints_px),
-        frozen(detections.confidence),
-        rows_by_person_frame(tracks, detections),
-        noise.scale_px,
-        noise.exponent,
-        options.min_confidence,
-        options.min_views,
-        ordered_pairs(len(rig)),
-        required_tries(len(rig)),
-        early_limit(len(rig)),
-        chosen.saturation_sigma,
-        chosen.full_weight_sigma,
-        chosen.zero_weight_sigma,
-        *out.arrays,
+        rig.packed,
+        observations_of(tracks, detections),
+        NoiseParameters(noise.scale_px, noise.exponent, options.min_confidence),
+        ConsensusParameters(
+            options.min_views,
+            ordered_pairs(len(rig)),
+            required_tries(len(rig)),
+            early_limit(len(rig)),
+            chosen.saturation_sigma,
+            chosen.full_weight_sigma,
+            chosen.zero_weight_sigma,
+        ),
+        out.arrays,
     )
     layer = out.finish()
     variance_factor = reweighting_loss(chosen.full_weight_sigma, chosen.zero_weight_sigma)

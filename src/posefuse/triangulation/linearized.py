@@ -20,7 +20,7 @@ def linear_rows(rig: CameraRig, points_m: np.ndarray, pixels: np.ndarray) -> tup
         pixels: shape (point, view, 2), NaN where a view has no observation; results are NaN there too.
     """
     residuals, jacobians = np.empty(pixels.shape), np.empty((*pixels.shape, 3))
-    linearize(*rig.packed, np.ascontiguousarray(points_m), np.ascontiguousarray(pixels), residuals, jacobians)
+    linearize(rig.packed, np.ascontiguousarray(points_m), np.ascontiguousarray(pixels), residuals, jacobians)
     return residuals, jacobians
 
 

@@ -51,7 +51,7 @@ def intersect(rig: CameraRig, pixels: np.ndarray, weights: np.ndarray) -> np.nda
     for v, camera in enumerate(rig.cameras):
         rays, _ = camera.rays(pixels[:, v])
         directions[:, v] = rays @ camera.rotation
-    origins = np.stack([camera.centre_m for camera in rig.cameras])
+    origins = np.stack([camera.center_m for camera in rig.cameras])
     points, covariance, status = np.empty((n, 3)), np.empty((n, 6)), np.empty(n, dtype=np.int64)
     intersect_rays(origins, directions, np.ascontiguousarray(weights, dtype=np.float64), points, covariance, status)
     points[status != kernel_codes.OK] = np.nan

@@ -7,6 +7,8 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.kernels import status_codes
+from posefuse.kernels.records import NoiseParameters, TriangulatedPoints
+from posefuse.kernels.records import Observations as KernelObservations
 from posefuse.kernels.triangulation.all_views import triangulate_views
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
@@ -71,20 +73,22 @@ class Observations:
         )
         rows = np.arange(n * views).reshape(n, views)
         triangulate_views(
-            *self.rig.packed,
-            frozen(np.ascontiguousarray(self.pixels).reshape(n * views, 1, 2)),
-            frozen(np.ascontiguousarray(self.confidence).reshape(n * views, 1)),
-            np.where(used, rows, status_codes.NO_DETECTION),
-            self.noise.scale_px,
-            self.noise.exponent,
-            0.0,
+            self.rig.packed,
+            KernelObservations(
+                frozen(np.ascontiguousarray(self.pixels).reshape(n * views, 1, 2)),
+                frozen(np.ascontiguousarray(self.confidence).reshape(n * views, 1)),
+                np.where(used, rows, status_codes.NO_DETECTION),
+            ),
+            NoiseParameters(self.noise.scale_px, self.noise.exponent, 0.0),
             min_views,
-            out.points_m[:, None],
-            out.covariance_m2[:, None],
-            out.status[:, None],
-            out.view_status[:, None],
-            out.view_error_px[:, None],
-            out.error_px[:, None],
+            TriangulatedPoints(
+                out.points_m[:, None],
+                out.covariance_m2[:, None],
+                out.status[:, None],
+                out.view_status[:, None],
+                out.view_error_px[:, None],
+                out.error_px[:, None],
+            ),
         )
         return out
 

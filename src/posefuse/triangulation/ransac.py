@@ -99,7 +99,7 @@ def distances(observations: Observations, points_m: np.ndarray, options: RansacO
     for v, camera in enumerate(observations.rig.cameras):
         rays, _ = camera.rays(observations.pixels[:, v])
         directions = rays @ camera.rotation
-        offset = points_m - camera.centre_m
+        offset = points_m - camera.center_m
         along = (offset * directions).sum(axis=-1)
         out[:, v] = np.where(along > 0, np.linalg.norm(np.cross(offset, directions), axis=-1), np.inf)
     return out

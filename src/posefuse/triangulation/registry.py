@@ -1,19 +1,15 @@
-"""Table of all triangulation methods; add a method here and in :mod:`posefuse.model.options.triangulation`."""
+"""Table of all triangulation methods, in the order of :data:`posefuse.model.options.triangulation.METHODS`.
 
-from posefuse.triangulation import consensus, irls, midpoint, percentile_filter, ransac, simple, weighted_subsets
+The method of each name is the ``METHOD`` of the module with that name in this package.
+"""
+
+from importlib import import_module
+
+from posefuse.model.options import triangulation
 from posefuse.triangulation.method import Method
 
 METHODS: dict[str, Method] = {
-    method.name: method
-    for method in (
-        consensus.METHOD,
-        simple.METHOD,
-        weighted_subsets.METHOD,
-        percentile_filter.METHOD,
-        ransac.METHOD,
-        irls.METHOD,
-        midpoint.METHOD,
-    )
+    name: import_module(f"posefuse.triangulation.{name}").METHOD for name in triangulation.METHODS
 }
 
 

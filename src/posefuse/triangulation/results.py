@@ -5,7 +5,8 @@ from typing import Self
 
 import numpy as np
 
-from posefuse.arrays import ArraySource
+from posefuse.arrays import ArraySource, frozen
+from posefuse.kernels.records import Observations, TriangulatedPoints
 from posefuse.model.detections import Detections
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import PointStatus, Source, ViewStatus
@@ -40,9 +41,9 @@ class LayerBuffers:
         )
 
     @property
-    def arrays(self) -> tuple[np.ndarray, ...]:
-        """Return the arrays in the order in which kernels take them."""
-        return (
+    def arrays(self) -> TriangulatedPoints:
+        """Return the arrays as kernels take them."""
+        return TriangulatedPoints(
             self.points_m,
             self.covariance_m2,
             self.status,
@@ -76,6 +77,12 @@ def rows_by_person_frame(tracks: Tracks, detections: Detections) -> np.ndarray:
     """Return rows of the detections for the kernels, shape (frame * person, view), int64."""
     rows = tracks.rows(detections)
     return np.ascontiguousarray(rows.reshape(-1, rows.shape[-1]))
+
+
+def observations_of(tracks: Tracks, detections: Detections) -> Observations:
+    """Return the detections of all people as kernels take them."""
+    keypoints_px, confidence = frozen(detections.keypoints_px), frozen(detections.confidence)
+    return Observations(keypoints_px, confidence, rows_by_person_frame(tracks, detections))
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ The linear solution is refined by Gauss-Newton on the reprojection error. Source
 chapter 12.
 """
 
-from posefuse.arrays import frozen
+from posefuse.kernels.records import NoiseParameters
 from posefuse.kernels.triangulation.all_views import triangulate_views
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
@@ -14,7 +14,7 @@ from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.model.tracks import Tracks
 from posefuse.triangulation.method import Method
-from posefuse.triangulation.results import LayerBuffers, rows_by_person_frame
+from posefuse.triangulation.results import LayerBuffers, observations_of
 
 
 def solve(
@@ -27,15 +27,11 @@ def solve(
     assert options.min_views is not None
     out = LayerBuffers.allocate(tracks, len(detections.skeleton))
     triangulate_views(
-        *rig.packed,
-        frozen(detections.keypoints_px),
-        frozen(detections.confidence),
-        rows_by_person_frame(tracks, detections),
-        noise.scale_px,
-        noise.exponent,
-        options.min_confidence,
+        rig.packed,
+        observations_of(tracks, detections),
+        NoiseParameters(noise.scale_px, noise.exponent, options.min_confidence),
         options.min_views,
-        *out.arrays,
+        out.arrays,
     )
     return out.finish()
 

@@ -18,5 +18,5 @@ def true_points(walker):
     return np.asarray(walker.truth.layers["model" if "model" in walker.truth.layers else "measured"].points_m)
 
 
-def turned(points: np.ndarray, rotation: np.ndarray, shift: np.ndarray) -> np.ndarray:
+def rotate_points(points: np.ndarray, rotation: np.ndarray, shift: np.ndarray) -> np.ndarray:
     return points @ rotation.T + shift

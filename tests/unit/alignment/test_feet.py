@@ -11,14 +11,14 @@ from posefuse.alignment.world_axes import find_alignment
 from posefuse.errors import DetectionsError
 from posefuse.model.options.alignment import AlignOptions
 
-from .conftest import turned
+from .conftest import rotate_points
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_floor_is_found_in_any_world(walker, true_points, seed):
     rng = np.random.default_rng(seed)
     rotation, shift = Rotation.random(random_state=seed).as_matrix(), rng.normal(size=3)
-    noisy = turned(true_points, rotation, shift) + 0.004 * rng.normal(size=true_points.shape)
+    noisy = rotate_points(true_points, rotation, shift) + 0.004 * rng.normal(size=true_points.shape)
     wild = rng.random(true_points.shape[:3]) < 0.05
     noisy[wild] += rng.normal(size=(int(wild.sum()), 3))
     plane = floor_from_feet([noisy], walker.truth.skeleton, None)
@@ -58,7 +58,7 @@ def tilt_deg(normal: np.ndarray, up: np.ndarray = UP) -> float:
     return float(np.degrees(np.arccos(min(normal @ up, 1.0))))
 
 
-def lasting(points: np.ndarray, size_m: float, seed: int) -> np.ndarray:
+def correlated_errors(points: np.ndarray, size_m: float, seed: int) -> np.ndarray:
     """Return errors with a correlation time of about half a second at 30 Hz."""
     rng = np.random.default_rng(seed)
     errors = [rng.normal(size=points.shape[1:])]
@@ -69,7 +69,7 @@ def lasting(points: np.ndarray, size_m: float, seed: int) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_uncertain_feet_are_combined_with_the_calibrated_up(walker, true_points, seed):
-    noisy, skeleton = lasting(true_points, 0.03, seed), walker.truth.skeleton
+    noisy, skeleton = correlated_errors(true_points, 0.03, seed), walker.truth.skeleton
     alone = floor_from_feet([noisy], skeleton, None)
     both = floor_from_feet([noisy], skeleton, UP)
     assert alone.tilt_sd_deg > 0.5

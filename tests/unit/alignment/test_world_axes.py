@@ -17,17 +17,17 @@ from posefuse.model.options.alignment import PRESETS, AlignOptions
 from posefuse.model.options.options import Options
 from posefuse.pipeline import reconstruct as recipe
 
-from .conftest import turned
+from .conftest import rotate_points
 
 
 @pytest.mark.parametrize("preset", list(PRESETS))
 def test_axes_of_presets(walker, true_points, preset):
     options = AlignOptions(floor="feet", origin="subject", forward="walk", preset=preset)
     rotation = Rotation.from_rotvec([0.3, 0.2, -2.0]).as_matrix()
-    points = turned(true_points, rotation, np.array([3.0, 1.0, -1.0]))
+    points = rotate_points(true_points, rotation, np.array([3.0, 1.0, -1.0]))
     rig = align(walker.truth, Alignment(rotation, np.array([3.0, 1.0, -1.0]), 1.0, None, None)).rig
-    found = find_alignment([points], walker.truth.skeleton, rig, options)
-    new = found.points(points)
+    actual = find_alignment([points], walker.truth.skeleton, rig, options)
+    new = actual.points(points)
     up, ahead = (np.array(up_vector(axis)) for axis in PRESETS[preset])
     skeleton = walker.truth.skeleton
     heads = np.nanmedian(new[:, 0, skeleton.index("nose")] @ up)
@@ -38,8 +38,8 @@ def test_axes_of_presets(walker, true_points, preset):
     way = hips[-1] - hips[0]
     assert way @ ahead > 0.9 * np.linalg.norm(way)
     assert np.linalg.norm(hips[0] - (hips[0] @ up) * up) < 0.4
-    assert found.up_axis == PRESETS[preset][0]
-    assert (preset == "unreal") == any("left-handed" in step for step in found.steps)
+    assert actual.up_axis == PRESETS[preset][0]
+    assert (preset == "unreal") == any("left-handed" in step for step in actual.steps)
 
 
 def test_floor_from_three_points_and_a_direction(walker, true_points):
@@ -47,15 +47,15 @@ def test_floor_from_three_points_and_a_direction(walker, true_points):
         floor_points_m=(0, 0, 0, 0, 1, 0, 1, 0, 0), origin_m=(1, 2, 9),
         forward_m=(0, 1, 0.5),
     )  # fmt: skip
-    found = find_alignment([true_points], walker.truth.skeleton, walker.rig, options)
-    np.testing.assert_allclose(found.points(np.array([1.0, 2.0, 0.0])), 0.0, atol=1e-12)
-    np.testing.assert_allclose(found.points(np.array([1.0, 3.0, 0.0])), [1, 0, 0], atol=1e-12)
-    np.testing.assert_allclose(found.points(np.array([1.0, 2.0, 1.0])), [0, 0, 1], atol=1e-12)
+    actual = find_alignment([true_points], walker.truth.skeleton, walker.rig, options)
+    np.testing.assert_allclose(actual.points(np.array([1.0, 2.0, 0.0])), 0.0, atol=1e-12)
+    np.testing.assert_allclose(actual.points(np.array([1.0, 3.0, 0.0])), [1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(actual.points(np.array([1.0, 2.0, 1.0])), [0, 0, 1], atol=1e-12)
 
 
 def test_forward_is_the_facing_direction(walker, true_points):
-    found = find_alignment([true_points[:30]], walker.truth.skeleton, walker.rig, AlignOptions(forward="subject"))
-    new = found.points(true_points[:30])
+    actual = find_alignment([true_points[:30]], walker.truth.skeleton, walker.rig, AlignOptions(forward="subject"))
+    new = actual.points(true_points[:30])
     skeleton = walker.truth.skeleton
     across = np.nanmean(new[:, 0, skeleton.index("left_hip")] - new[:, 0, skeleton.index("right_hip")], axis=0)
     assert across[1] > 5 * abs(across[0])

@@ -10,7 +10,7 @@ from posefuse.model.tracks import Tracks, TrackState
 from tests.scenes import skeleton_of
 
 
-def crowd(sizes: list[list[list[float]]], ids: list[int] | None = None) -> Detections:
+def detections_of_sizes(sizes: list[list[list[float]]], ids: list[int] | None = None) -> Detections:
     """Return detections given the sizes of the people in each frame and view, in px."""
     cells = [people for frame in sizes for people in frame]
     rows = [np.array([[0.0, 0.0], [size, size]]) for people in cells for size in people]
@@ -32,25 +32,25 @@ def chosen(detections: Detections, pick) -> list[list[int]]:
     return select_subject(detections, pick, longest_track_ids(detections)).detection[:, 0].tolist()
 
 
-def test_one_person_needs_no_choice():
-    assert chosen(crowd([[[5], []], [[], [5]]]), None) == [[0, -1], [-1, 0]]
+def test_single_person_needs_no_selection():
+    assert chosen(detections_of_sizes([[[5], []], [[], [5]]]), None) == [[0, -1], [-1, 0]]
 
 
-def test_several_people_need_one():
+def test_several_people_need_a_selection():
     with pytest.raises(DetectionsError, match=r"View 'b' shows 2 people in frame 1 .*with --pick largest, or remove"):
-        chosen(crowd([[[5], [5]], [[5], [5, 6]]]), None)
+        chosen(detections_of_sizes([[[5], [5]], [[5], [5, 6]]]), None)
     with pytest.raises(DetectionsError, match="--pick largest or --pick track-id"):
-        chosen(crowd([[[5], [5]], [[5], [5, 6]]], [1, 1, 1, 1, 2]), None)
+        chosen(detections_of_sizes([[[5], [5]], [[5], [5, 6]]], [1, 1, 1, 1, 2]), None)
 
 
 def test_choice_by_size_has_a_note_if_a_view_shows_several_people():
-    alone, several = crowd([[[5], []]]), crowd([[[5], [5, 6]]], [1, 1, 2])
+    alone, several = detections_of_sizes([[[5], []]]), detections_of_sizes([[[5], [5, 6]]], [1, 1, 2])
     assert SingleSubject.of(alone, "largest").note == SingleSubject.of(several, "track-id").note == ""
-    assert "may be another person" in SingleSubject.of(several, "largest").note
+    assert "may show different people" in SingleSubject.of(several, "largest").note
 
 
 def test_longest_subject_has_the_most_detections_in_all_views():
-    detections = crowd([[[1, 1], [1]], [[1, 1], [1, 1]], [[1], []]])
+    detections = detections_of_sizes([[[1, 1], [1]], [[1, 1], [1, 1]], [[1], []]])
     # Person a: frames 0 and 1 in one view; person b: five detections.
     rows = np.array([[[0, -1], [1, 0]], [[0, -1], [1, 1]], [[-1, -1], [0, -1]]], dtype=np.int32)
     tracks = Tracks(("a", "b"), rows, np.full((3, 2), TrackState.ACTIVE, dtype=np.int8))
@@ -63,12 +63,12 @@ def test_longest_subject_has_the_most_detections_in_all_views():
         longest_subject(detections, Tracks((), rows[:, :0], np.zeros((3, 0), dtype=np.int8)))
 
 
-def test_the_largest():
-    assert chosen(crowd([[[3, 9, 4], [2]], [[7, 1], []]]), "largest") == [[1, 0], [0, -1]]
+def test_selects_the_largest_person():
+    assert chosen(detections_of_sizes([[[3, 9, 4], [2]], [[7, 1], []]]), "largest") == [[1, 0], [0, -1]]
 
 
 def test_people_without_keypoints_are_smallest():
-    detections = crowd([[[3, 9], [2]]])
+    detections = detections_of_sizes([[[3, 9], [2]]])
     keypoints = np.array(detections.keypoints_px)
     keypoints[1] = np.nan
     from dataclasses import replace
@@ -76,12 +76,12 @@ def test_people_without_keypoints_are_smallest():
     assert chosen(replace(detections, keypoints_px=keypoints), "largest") == [[0, 0]]
 
 
-def test_the_track_id_that_lasts_longest_in_each_view():
-    detections = crowd([[[1, 1], [1]], [[1, 1], [1]], [[1], [1]]], ids=[4, 7, 2, 7, 4, 2, 7, 3])
+def test_selects_the_longest_track_id_of_each_view():
+    detections = detections_of_sizes([[[1, 1], [1]], [[1, 1], [1]], [[1], [1]]], ids=[4, 7, 2, 7, 4, 2, 7, 3])
     assert longest_track_ids(detections).tolist() == [7, 2]
     assert chosen(detections, "track-id") == [[1, 0], [0, 0], [0, -1]]
 
 
-def test_track_ids_must_be_there():
+def test_raises_if_track_ids_are_missing():
     with pytest.raises(DetectionsError, match="people in view 'a' have no track IDs. Use --pick largest"):
-        chosen(crowd([[[1, 1], [1]]]), "track-id")
+        chosen(detections_of_sizes([[[1, 1], [1]]]), "track-id")

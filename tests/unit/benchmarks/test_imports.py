@@ -12,5 +12,5 @@ MODULES = sorted(path.stem for path in (ROOT / "benchmarks").glob("*.py") if pat
 
 
 @pytest.mark.parametrize("name", MODULES)
-def test_a_benchmark_imports(name):
+def test_benchmark_can_be_imported(name):
     importlib.import_module(f"benchmarks.{name}")

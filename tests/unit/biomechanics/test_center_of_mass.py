@@ -37,14 +37,14 @@ def test_human_skeletons_have_all_segments(name, skeleton):
 
 @pytest.mark.parametrize("name", TABLES)
 def test_center_of_mass_of_a_standing_person_is_above_the_hips(name, truth, layer):
-    found = centers_of_mass(layer, truth.skeleton, mass_table(name))
+    actual = centers_of_mass(layer, truth.skeleton, mass_table(name))
     points = np.asarray(layer.points_m)[:, 0]
     height = np.nanmax(points[..., 2], axis=1)
-    assert found.xyz_m.shape == (15, 1, 3)
+    assert actual.xyz_m.shape == (15, 1, 3)
     # 55 to 57 % of the height in the literature; in walking a little less.
-    assert ((found.xyz_m[:, 0, 2] / height > 0.5) & (found.xyz_m[:, 0, 2] / height < 0.62)).all()
-    np.testing.assert_allclose(found.known_share, 1.0)
-    np.testing.assert_allclose(found.filled_share, 0.0)
+    assert ((actual.xyz_m[:, 0, 2] / height > 0.5) & (actual.xyz_m[:, 0, 2] / height < 0.62)).all()
+    np.testing.assert_allclose(actual.known_share, 1.0)
+    np.testing.assert_allclose(actual.filled_share, 0.0)
 
 
 def test_center_of_mass_moves_with_the_body(truth, layer):
@@ -60,12 +60,12 @@ def test_missing_mass_and_filled_share(truth, layer):
     points[0, 0, wrist] = np.nan
     points[1, 0, hip] = np.nan
     source[2, 0, wrist] = Source.FILLED
-    found = centers_of_mass(replace(layer, points_m=points, source=source), truth.skeleton, mass_table("winter"))
-    assert found.known_share[0, 0] == pytest.approx(1 - 0.022)
-    assert np.isfinite(found.xyz_m[0, 0]).all()
-    assert found.known_share[1, 0] == pytest.approx(1 - 0.497 - 0.1)
-    assert np.isnan(found.xyz_m[1, 0]).all()
-    assert found.filled_share[2, 0] == pytest.approx(0.022)
+    actual = centers_of_mass(replace(layer, points_m=points, source=source), truth.skeleton, mass_table("winter"))
+    assert actual.known_share[0, 0] == pytest.approx(1 - 0.022)
+    assert np.isfinite(actual.xyz_m[0, 0]).all()
+    assert actual.known_share[1, 0] == pytest.approx(1 - 0.497 - 0.1)
+    assert np.isnan(actual.xyz_m[1, 0]).all()
+    assert actual.filled_share[2, 0] == pytest.approx(0.022)
 
 
 def test_animals_have_no_mass_table(truth, layer):

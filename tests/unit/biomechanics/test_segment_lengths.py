@@ -8,8 +8,8 @@ from posefuse.biomechanics.segment_lengths import segment_lengths
 
 def test_segment_lengths(truth, layer):
     name, _ = truth.best_layer()
-    found = segment_lengths(truth.chunks(4), name)
-    shank = next(each for each in found if (each.near, each.far) == ("left_knee", "left_ankle"))
+    actual = segment_lengths(truth.chunks(4), name)
+    shank = next(each for each in actual if (each.near, each.far) == ("left_knee", "left_ankle"))
     points = np.asarray(layer.points_m)[:, 0]
     lengths = np.linalg.norm(
         points[:, truth.skeleton.index("left_knee")] - points[:, truth.skeleton.index("left_ankle")], axis=-1

@@ -16,9 +16,9 @@ def test_adjustment_without_noise_is_exact(rng):
     points = rng.uniform([-0.7, -0.7, 0.3], [0.7, 0.7, 1.7], (80, 3))
     pixels = truth.project(points)
     view, point = np.tile([0, 1, 2], 80), np.repeat(np.arange(80), 3)
-    seen = PointObservations(
+    observed = PointObservations(
         view, point, pixels[view, point], np.ones(240), points + 0.01, np.arange(80), np.zeros(80, dtype=np.int64)
     )
     start = moved(truth, "cam_1", y_rad=0.02, x_m=0.05)
-    done = adjust(start, seen, FreeParameters.of(start, "extrinsics", ("cam_0",)), 20.0)
-    assert np.sqrt(compute_rows(done.rig, seen, done.points_m, np.ones(3)).squared).max() < 1e-3
+    done = adjust(start, observed, FreeParameters.of(start, "extrinsics", ("cam_0",)), 20.0)
+    assert np.sqrt(compute_rows(done.rig, observed, done.points_m, np.ones(3)).squared).max() < 1e-3

@@ -15,8 +15,8 @@ def test_camera_is_located_despite_outliers(lens, rng):
     points = rng.uniform([-1.0, -1.0, 0.3], [1.0, 1.0, 1.8], (200, 3))
     pixels = camera.project(points)[0] + rng.normal(0.0, 0.5, (200, 2))
     pixels[::4] = rng.uniform(0, 1000, (50, 2))
-    found = locate(replace(camera, camera_from_world=np.eye(4)), points, pixels)
-    assert found is not None
-    assert np.linalg.norm(found.camera.centre_m - camera.centre_m) < 0.02
+    actual = locate(replace(camera, camera_from_world=np.eye(4)), points, pixels)
+    assert actual is not None
+    assert np.linalg.norm(actual.camera.center_m - camera.center_m) < 0.02
     flat = points * [1.0, 1.0, 0.0]
     assert locate(camera, flat, camera.project(flat)[0]) is None

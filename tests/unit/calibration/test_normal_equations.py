@@ -14,14 +14,14 @@ def test_derivatives_match_finite_differences(lens, rng):
     rig = ring(2, lens)
     points = rng.uniform(-0.5, 1.5, (6, 3))
     n = len(points)
-    seen = PointObservations(
+    observed = PointObservations(
         np.zeros(n, dtype=np.int64), np.arange(n), np.zeros((n, 2)), np.ones(n), points, np.arange(n), np.arange(n)
     )
-    rows = compute_rows(rig, seen, points, np.ones(2))
+    rows = compute_rows(rig, observed, points, np.ones(2))
     for k in range(6 if lens == "pinhole" else N_PARAMETERS):
         change = np.zeros((2, N_PARAMETERS))
         change[0, k] = 1e-6
         up, down = (
-            compute_rows(apply_changes(rig, sign * change), seen, points, np.ones(2)).residual for sign in (1, -1)
+            compute_rows(apply_changes(rig, sign * change), observed, points, np.ones(2)).residual for sign in (1, -1)
         )
         assert np.allclose((up - down) / 2e-6, rows.by_camera[:, :, k], rtol=1e-4, atol=1e-2)

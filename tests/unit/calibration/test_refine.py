@@ -41,18 +41,18 @@ def test_correct_rig_stays_within_its_uncertainty():
 
 def test_result_is_independent_of_the_camera_order():
     truth, order = ring(4), ("cam_3", "cam_0", "cam_2", "cam_1")
-    given, seen = moved(truth, "cam_2", x_m=0.02), observe(truth, frames=20)
-    one = refine_calibration(given, seen, ONE).rig
-    other = refine_calibration(given.select(order), seen.views(order), ONE).rig
+    initial, observed = moved(truth, "cam_2", x_m=0.02), observe(truth, frames=20)
+    one = refine_calibration(initial, observed, ONE).rig
+    other = refine_calibration(initial.select(order), observed.views(order), ONE).rig
     assert np.abs(pose_changes(one, other.select(one.names))).max() < 1e-4
 
 
 def test_result_moves_with_the_world():
     truth = ring(4)
-    given, seen = moved(truth, "cam_1", y_rad=0.02), observe(truth, frames=20)
+    initial, observed = moved(truth, "cam_1", y_rad=0.02), observe(truth, frames=20)
     step, origin = np.array([0.3, -0.2, 0.5, 1.0, -2.0, 0.5, 0.0]), np.zeros(3)
-    one = apply_similarity(refine_calibration(given, seen, ONE).rig, np.zeros((1, 3)), step, origin)[0]
-    other = refine_calibration(apply_similarity(given, np.zeros((1, 3)), step, origin)[0], seen, ONE).rig
+    one = apply_similarity(refine_calibration(initial, observed, ONE).rig, np.zeros((1, 3)), step, origin)[0]
+    other = refine_calibration(apply_similarity(initial, np.zeros((1, 3)), step, origin)[0], observed, ONE).rig
     assert np.abs(pose_changes(one, other)).max() < 1e-4
 
 
@@ -63,15 +63,15 @@ def test_fixed_cameras_define_the_world():
     )
     assert result.rig["cam_0"] == truth["cam_0"]
     assert result["cam_0"].role == "fixed"
-    assert np.linalg.norm(result.rig["cam_2"].centre_m - truth["cam_2"].centre_m) < 0.01
+    assert np.linalg.norm(result.rig["cam_2"].center_m - truth["cam_2"].center_m) < 0.01
 
 
 def test_wrong_focal_length_is_corrected():
     truth = ring(4)
     wrong = np.zeros((4, N_PARAMETERS))
     wrong[3, 6] = 0.03
-    seen = observe(truth, frames=60)
-    result = refine_calibration(apply_changes(truth, wrong), seen, ONE, RefineOptions(refine="focal"))
+    observed = observe(truth, frames=60)
+    result = refine_calibration(apply_changes(truth, wrong), observed, ONE, RefineOptions(refine="focal"))
     camera = result["cam_3"]
     assert camera.focal_share == pytest.approx(-0.03, abs=0.005 + 4 * camera.focal_sd)
     assert 0 < camera.focal_sd < 0.01
@@ -80,14 +80,14 @@ def test_wrong_focal_length_is_corrected():
 def test_copied_camera_is_left_out_or_relocated():
     truth = ring(4)
     copy = replace(truth["cam_0"], name="cam_3")
-    given, seen = replace(truth, cameras=(*truth.cameras[:3], copy)), observe(truth)
-    result = refine_calibration(given, seen, ONE)
+    initial, observed = replace(truth, cameras=(*truth.cameras[:3], copy)), observe(truth)
+    result = refine_calibration(initial, observed, ONE)
     assert result.left_out == ("cam_3",)
     assert "cam_0" in result["cam_3"].why
-    found = refine_calibration(given, seen, ONE, RefineOptions(relocate=("cam_3",)))
-    assert found["cam_3"].role == "located"
-    assert np.linalg.norm(found.rig["cam_3"].centre_m - truth["cam_3"].centre_m) < 0.03
-    assert found["cam_3"].after_px < 3 * NOISE_PX
+    actual = refine_calibration(initial, observed, ONE, RefineOptions(relocate=("cam_3",)))
+    assert actual["cam_3"].role == "located"
+    assert np.linalg.norm(actual.rig["cam_3"].center_m - truth["cam_3"].center_m) < 0.03
+    assert actual["cam_3"].after_px < 3 * NOISE_PX
 
 
 def test_undetermined_results_are_errors():

@@ -13,9 +13,9 @@ def test_held_out_frames_and_selected_points_are_spread():
     n = 3000
     points = np.concatenate([np.random.default_rng(0).normal(0, 0.01, (n - 150, 3)), np.ones((150, 3))])
     view, point = np.tile([0, 1], n), np.repeat(np.arange(n), 2)
-    seen = PointObservations(
+    observed = PointObservations(
         view, point, np.zeros((2 * n, 2)), np.ones(2 * n), points, np.arange(n), np.zeros(n, dtype=np.int64)
     )
-    chosen = select_spread_points(seen, 2, 600)
+    chosen = select_spread_points(observed, 2, 600)
     assert 300 < chosen.sum() <= 600
     assert chosen[-150:].sum() >= 60

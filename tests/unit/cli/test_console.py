@@ -33,8 +33,8 @@ def test_percent_of_nan_is_a_dash():
 def test_many_keypoints_are_summarized_by_part():
     skeleton = shipped_skeleton("coco_wholebody_133")
     assert _summary_of_names(["nose", "left_eye"], skeleton) == "nose, left_eye"
-    told = _summary_of_names(list(skeleton.keypoints), skeleton)
-    assert told.startswith("left hand (21 of 21), right hand (21 of 21), face (68 of 68), nose, left_eye")
-    assert told.endswith("(23 in all)")
+    results = _summary_of_names(list(skeleton.keypoints), skeleton)
+    assert results.startswith("left hand (21 of 21), right hand (21 of 21), face (68 of 68), nose, left_eye")
+    assert results.endswith("(23 in all)")
     hand = [skeleton.keypoints[k] for k in skeleton.parts[0].keypoints[:13]]
     assert _summary_of_names(hand, skeleton) == "left hand (13 of 21)"

@@ -1,24 +1,65 @@
-"""Search for the assignment of cameras to views."""
+"""Bounds of the recording check: reached, reported, and switched off."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from posefuse.diagnostics.coarse_search import _best_order
+import posefuse
+from posefuse.association.one_subject import SingleSubject
+from posefuse.diagnostics import recording_check
+from posefuse.diagnostics.examine import SHORT
+from posefuse.model.findings import FindingKind
+from tests.scenes import ring, simulate_detections
 
 
-def costs_of(true_order: list[int]) -> np.ndarray:
-    """Return costs of 0 for the true assignment and 1 for any other, shape (view, camera, view, camera)."""
-    right = np.eye(len(true_order), dtype=bool)[true_order]
-    return np.where(right[:, :, None, None] & right[None, None], 0.0, 1.0)
+def moving_body(rng: np.random.Generator) -> np.ndarray:
+    """Return a moving body, shape (300, 17, 3)."""
+    time = np.arange(300)[:, None, None] / 30.0
+    body = rng.uniform([-0.4, -0.4, 0.0], [0.4, 0.4, 1.7], (17, 3))
+    return body + 0.3 * np.sin(time * rng.uniform(0.5, 2.0, (17, 3)))
 
 
-@pytest.mark.parametrize("true_order", [[0, 2, 1, 3], [0, 1, 2, 3, 4, 8, 6, 7, 5], list(range(9))])
-def test_the_assignment_with_the_lowest_cost_is_found(true_order):
-    start = tuple(range(len(true_order)))
-    assert _best_order(costs_of(true_order), start) == tuple(true_order)
+def exchanged_cameras(n_views: int):
+    """Return a recording of a moving person in which the first three cameras are in another order."""
+    rng, rig = np.random.default_rng(4), ring(n_views)
+    detections = simulate_detections(rig, moving_body(rng), rng, rate_hz=30.0)
+    order = [1, 2, 0, *range(3, n_views)]
+    cameras = tuple(replace(rig.cameras[source], name=rig.names[v]) for v, source in enumerate(order))
+    return replace(rig, cameras=cameras), detections
 
 
-@pytest.mark.parametrize("views", [4, 12])
-def test_without_a_known_cost_the_assignment_stays(views):
-    start = tuple(range(views))
-    assert _best_order(np.full((views,) * 4, np.nan), start) == start
+def test_bound_of_the_search_for_gross_faults_is_reported():
+    rig, detections = exchanged_cameras(6)
+    subject = SingleSubject.of(detections, None)
+    kinds = [finding.kind for finding in recording_check.find_faults(rig, detections, subject, SHORT)]
+    assert kinds[0] == FindingKind.CAMERA_ORDER
+    assert FindingKind.INCOMPLETE not in kinds
+    bounded = replace(SHORT, max_comparisons=100)
+    findings = recording_check.find_faults(rig, detections, subject, bounded)
+    assert [finding.kind for finding in findings][-1] == FindingKind.INCOMPLETE
+    assert "did not examine the order of the cameras" in findings[-1].sentence
+
+
+def test_bound_of_the_search_for_small_faults_is_reported():
+    rng, rig = np.random.default_rng(5), ring(6)
+    detections = simulate_detections(rig, moving_body(rng), rng, rate_hz=30.0)
+    cameras = list(rig.cameras)
+    for v in (1, 4):
+        pose = cameras[v].camera_from_world.copy()
+        pose[:3, 3] += 0.05
+        cameras[v] = replace(cameras[v], camera_from_world=pose)
+    rig, subject = replace(rig, cameras=tuple(cameras)), SingleSubject.of(detections, None)
+    for most, complete in ((1, False), (5, True)):
+        findings = recording_check.find_faults(rig, detections, subject, replace(SHORT, max_faults=most))
+        kinds = [finding.kind for finding in findings]
+        assert kinds.count(FindingKind.CAMERA_POSE) == min(most, 2)
+        assert (FindingKind.INCOMPLETE not in kinds) == complete
+
+
+@pytest.mark.parametrize("health", ["on", "off"])
+def test_option_disables_the_check(health):
+    rig, detections = exchanged_cameras(5)
+    with pytest.warns(posefuse.PosefuseWarning):
+        result = posefuse.reconstruct(rig, detections, posefuse.Options(health=health, solve="frame"))
+    assert bool(result.findings) == (health == "on")

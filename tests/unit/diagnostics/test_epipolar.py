@@ -28,5 +28,5 @@ def test_only_pairs_with_the_faulty_view_disagree(walk):
     table = disagreement_table(posed_views(observations, model, normalize_views(observations, model), 1.0))
     faulty = np.zeros((4, 4), dtype=bool)
     faulty[2], faulty[:, 2] = True, True
-    known = np.isfinite(table)
-    assert table[known & faulty].min() > 2 * table[known & ~faulty].max()
+    reference = np.isfinite(table)
+    assert table[reference & faulty].min() > 2 * table[reference & ~faulty].max()

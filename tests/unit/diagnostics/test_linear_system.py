@@ -37,6 +37,6 @@ def test_derivatives_match_finite_differences(triangulated, parameter):
         return (xy - camera_xyz[..., :2] / camera_xyz[..., 2:]) / points.sigma[:, :, 1, None]
 
     numeric = -(residual(moved) - residual(model)) / step
-    seen = points.weight[..., 1] > 0
+    visible = points.weight[..., 1] > 0
     # Intrinsics act at the detection, a few px from the projected point.
-    assert np.median(np.abs(numeric - analytic)[seen]) < 0.02 * np.median(np.abs(analytic[seen])) + 1e-3
+    assert np.median(np.abs(numeric - analytic)[visible]) < 0.02 * np.median(np.abs(analytic[visible])) + 1e-3

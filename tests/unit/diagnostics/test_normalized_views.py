@@ -23,11 +23,11 @@ def test_k1_correction_bends_and_stretches_like_the_lens(walk):
     changes[:, 1, Parameter.K1] = -0.2
     normalized = normalize_views(observations, model.corrected(changes))
     xy, pixel_size = normalized_coordinates(brown, observations.pixels[model.frames, 1])
-    seen = np.isfinite(normalized.xy[:, :, 1]).all(axis=-1)
-    radius = np.linalg.norm(xy[seen], axis=-1)
+    visible = np.isfinite(normalized.xy[:, :, 1]).all(axis=-1)
+    radius = np.linalg.norm(xy[visible], axis=-1)
     assert radius.max() > 0.25
-    assert np.abs(normalized.xy[:, :, 1][seen] - xy[seen]).max() < 2e-3
-    assert np.abs(normalized.pixel_size[:, :, 1][seen] / pixel_size[seen] - 1.0).max() < 5e-3
+    assert np.abs(normalized.xy[:, :, 1][visible] - xy[visible]).max() < 2e-3
+    assert np.abs(normalized.pixel_size[:, :, 1][visible] / pixel_size[visible] - 1.0).max() < 5e-3
 
 
 def test_time_offset_is_removed_by_interpolation(walk):

@@ -1,4 +1,4 @@
-"""Numbers of a comparison, on scenes where they are known."""
+"""Numbers of a comparison in scenes with known results."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ from posefuse.model.options.triangulation import METHODS, TriangulationOptions
 from posefuse.pipeline.compare_methods import compare_methods
 from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.synthetic.scenes import truth_of
-from tests.people import crowd, followed
+from tests.people import simulate_walkers, track_perfectly
 from tests.scenes import body_points, ring, simulate_detections, skeleton_of
 
 FRAMES, VIEWS, POINTS = 60, 6, 5
@@ -41,15 +41,15 @@ def detections(points) -> Detections:
 @pytest.fixture(scope="module")
 def rows(points, detections):
     truth = truth_of(ring(VIEWS), skeleton_of(POINTS), points, 60.0)
-    found = compare_methods(
+    actual = compare_methods(
         ring(VIEWS),
         detections,
         ["consensus", "simple"],
         FIXED,
         truth_of=lambda result: truth_from_result(result, truth),
     )
-    assert (found.n_frames, found.n_views, found.n_keypoints, found.rate_hz) == (FRAMES, VIEWS, POINTS, 60.0)
-    return {row.method: row for row in found.methods}
+    assert (actual.n_frames, actual.n_views, actual.n_keypoints, actual.rate_hz) == (FRAMES, VIEWS, POINTS, 60.0)
+    return {row.method: row for row in actual.methods}
 
 
 def test_consensus_rejects_what_simple_does_not(rows):
@@ -63,7 +63,7 @@ def test_consensus_rejects_what_simple_does_not(rows):
     assert rows["simple"].truth_p99_mm > 3 * rows["consensus"].truth_p99_mm
 
 
-def test_nothing_is_left_out_of_all_detections(rows):
+def test_all_detections_are_included(rows):
     """The wrong detections, 6 of 355, and those of the missing points, 1 of 355, stay in it."""
     for row in rows.values():
         at_px = np.array(row.all_error.at_shares_px)
@@ -89,31 +89,31 @@ def test_time_is_that_of_each_method_and_optional(rows, detections):
 
 
 def test_every_method_gets_the_same_noise_and_its_own_min_views(detections):
-    found = compare_methods(ring(VIEWS), detections, list(METHODS), timed=False)
-    assert [row.method for row in found.methods] == list(METHODS)
-    assert found.noise.origin == "estimated"
-    assert {row.method: row.min_views for row in found.methods}["consensus"] == 2
+    actual = compare_methods(ring(VIEWS), detections, list(METHODS), timed=False)
+    assert [row.method for row in actual.methods] == list(METHODS)
+    assert actual.noise.origin == "estimated"
+    assert {row.method: row.min_views for row in actual.methods}["consensus"] == 2
     asked = Options(triangulation=TriangulationOptions(min_views=4))
-    found = compare_methods(ring(VIEWS), detections, ["consensus", "simple"], asked, timed=False)
-    assert [row.min_views for row in found.methods] == [4, 4]
+    actual = compare_methods(ring(VIEWS), detections, ["consensus", "simple"], asked, timed=False)
+    assert [row.min_views for row in actual.methods] == [4, 4]
 
 
-def test_notes_are_said_once(detections):
+def test_notes_are_not_repeated(detections):
     rig = ring(VIEWS).select(["cam_0", "cam_1", "cam_2"])
-    found = compare_methods(rig, detections.views(list(rig.names)), list(METHODS), FIXED, timed=False)
-    assert len(set(found.notes)) == len(found.notes)
-    assert sum("drops no camera" in remark for remark in found.notes) == 1
+    actual = compare_methods(rig, detections.views(list(rig.names)), list(METHODS), FIXED, timed=False)
+    assert len(set(actual.notes)) == len(actual.notes)
+    assert sum("drops no camera" in remark for remark in actual.notes) == 1
 
 
-def test_a_method_that_finds_no_point_does_not_end_the_comparison(points, detections):
+def test_method_without_points_does_not_stop_the_comparison(points, detections):
     truth = truth_of(ring(VIEWS), skeleton_of(POINTS), points, 60.0)
     pixels = np.array(detections.dense()[0])
     pixels[:, 2:] = np.nan
     two = Detections.from_dense(skeleton_of(POINTS), detections.view_names, pixels, rate_hz=60.0)
-    found = compare_methods(
+    actual = compare_methods(
         ring(VIEWS), two, ["irls", "simple"], FIXED, truth_of=lambda result: truth_from_result(result, truth)
     )
-    irls, simple = found.methods
+    irls, simple = actual.methods
     assert irls.missing_share < 0.1
     assert simple.missing_share == 1
     assert np.isnan([simple.used_error.median_px, simple.mean_views_used, simple.truth_median_mm]).all()
@@ -126,23 +126,23 @@ def test_one_camera_is_refused(detections):
         compare_methods(one, detections.views(["cam_0"]), ["simple"], FIXED)
 
 
-def test_spread_by_hand():
-    found = spread_of(np.array([3.0, 1.0, np.inf, 2.0]))
-    assert (found.median_px, found.p95_px) == (2.0, np.inf)
-    assert found.at_shares_px[0] == 1.0
-    assert found.at_shares_px[300] == 3.0
-    assert found.at_shares_px[301] == np.inf
+def test_spread_matches_hand_computed_values():
+    actual = spread_of(np.array([3.0, 1.0, np.inf, 2.0]))
+    assert (actual.median_px, actual.p95_px) == (2.0, np.inf)
+    assert actual.at_shares_px[0] == 1.0
+    assert actual.at_shares_px[300] == 3.0
+    assert actual.at_shares_px[301] == np.inf
     assert np.isnan(spread_of(np.array([])).median_px)
 
 
 class TestAcceleration:
-    def test_of_a_parabola(self):
+    def test_acceleration_of_a_parabola(self):
         time_s = np.arange(10) / 50
         points = np.zeros((10, 1, 3))
         points[:, 0, 2] = 0.5 * -9.81 * time_s**2
         assert acceleration_m_s2(truth_of(ring(2), skeleton_of(1), points, 50.0)) == pytest.approx(9.81)
 
-    def test_not_across_gaps_nor_without_a_rate(self):
+    def test_acceleration_needs_a_rate_and_consecutive_frames(self):
         points = np.zeros((4, 1, 3))
         points[2:, 0, 0] = 1.0
         result = truth_of(ring(2), skeleton_of(1), points, 50.0)
@@ -157,19 +157,19 @@ def test_numbers_of_a_single_result(detections):
     assert (row.method, row.min_views, row.cpu_ms_per_frame) == ("consensus", 2, 2.0)
 
 
-def test_the_truth_of_many():
+def test_truth_of_several_people():
     """Of three people one is not found, and one is 20 mm off."""
-    scene = crowd(people=3)
-    found = followed(scene)
+    scene = simulate_walkers(people=3)
+    actual = track_perfectly(scene)
     measured = scene.truth.layers["measured"]
     points = np.array(measured.points_m)
-    known = people_points(found, replace(scene.truth, layers={"measured": replace(measured, points_m=points)}))
-    numbers = method_numbers(replace(found, resolved=settled(found.options)), known, None)
+    reference = people_points(actual, replace(scene.truth, layers={"measured": replace(measured, points_m=points)}))
+    numbers = method_numbers(replace(actual, resolved=with_two_views(actual.options)), reference, None)
     assert numbers.truth_median_mm == pytest.approx(np.sqrt(3) * 8.9, rel=0.15)
-    shifted = replace(known, points_m=known.points_m + 0.1)
+    shifted = replace(reference, points_m=reference.points_m + 0.1)
     errors = matched_errors_mm(shifted)
     assert np.nanmedian(errors) == pytest.approx(173.0, rel=0.05)
 
 
-def settled(options: Options) -> Options:
+def with_two_views(options: Options) -> Options:
     return replace(options, triangulation=TriangulationOptions(min_views=2))

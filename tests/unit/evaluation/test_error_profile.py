@@ -24,29 +24,29 @@ def result():
     return reconstruct(rig, replace(detections, keypoints_px=keypoints), simply)
 
 
-def test_each_axis_equals_a_loop(result):
+def test_every_axis_equals_a_naive_loop(result):
     layer = result.layers["measured"]
     errors = np.where(layer.view_status == ViewStatus.USED, layer.view_error_px, np.nan)[:, 0]
-    found = error_profile([result])
+    actual = error_profile([result])
     for f in range(30):
-        assert found.frame_mean_px[f] == pytest.approx(np.nanmean(errors[f]))
+        assert actual.frame_mean_px[f] == pytest.approx(np.nanmean(errors[f]))
     for v in range(4):
-        assert found.view_mean_px[v] == pytest.approx(np.nanmean(errors[..., v]))
-        assert found.view_p95_px[v] == pytest.approx(np.nanpercentile(errors[..., v], 95))
+        assert actual.view_mean_px[v] == pytest.approx(np.nanmean(errors[..., v]))
+        assert actual.view_p95_px[v] == pytest.approx(np.nanpercentile(errors[..., v], 95))
     for k in range(6):
-        assert found.keypoint_mean_px[k] == pytest.approx(np.nanmean(errors[:, k]))
-        assert found.keypoint_p95_px[k] == pytest.approx(np.nanpercentile(errors[:, k], 95))
-    assert found.missing_share == pytest.approx(np.isnan(layer.points_m).any(axis=-1).mean())
+        assert actual.keypoint_mean_px[k] == pytest.approx(np.nanmean(errors[:, k]))
+        assert actual.keypoint_p95_px[k] == pytest.approx(np.nanpercentile(errors[:, k], 95))
+    assert actual.missing_share == pytest.approx(np.isnan(layer.points_m).any(axis=-1).mean())
 
 
-def test_ranges_of_frames_change_nothing(result):
+def test_result_is_independent_of_frame_ranges(result):
     whole, parts = error_profile([result]), error_profile(result.chunks(7))
     for name in ("frame_numbers", "frame_mean_px", "view_p95_px", "keypoint_mean_px"):
         np.testing.assert_array_equal(getattr(whole, name), getattr(parts, name))
 
 
-def test_nothing_there_is_nan_and_silent(result):
+def test_empty_input_gives_nan_without_warnings(result):
     layer = result.layers["measured"]
     layer.view_status[:, :, 5] = ViewStatus.UNSEEN
-    found = error_profile([result])
-    assert np.isnan([found.keypoint_mean_px[5], found.keypoint_p95_px[5]]).all()
+    actual = error_profile([result])
+    assert np.isnan([actual.keypoint_mean_px[5], actual.keypoint_p95_px[5]]).all()

@@ -27,13 +27,13 @@ def joint(joints: np.ndarray, name: str) -> np.ndarray:
     return joints[..., JOINTS.index(name), :]
 
 
-def test_the_order_of_joints():
+def test_order_of_joints():
     """COCO's places of the first twelve, as the recipe lists them."""
     places = [COCO.index(name) for name in JOINTS[:12]]
     assert places == [16, 14, 12, 11, 13, 15, 10, 8, 6, 5, 7, 9]
 
 
-def test_heads_by_hand():
+def test_head_points_match_hand_computed_values():
     """Shoulders at 1.4 m, ears at 1.6 m, the nose 0.1 m before them."""
     campus = joints_14(body(), COCO, "campus")
     np.testing.assert_allclose(joint(campus, "bottom_head"), [0, 0, 1.5])
@@ -48,42 +48,42 @@ def test_heads_by_hand():
         joints_14(body(), COCO, "self")  # type: ignore[arg-type]
 
 
-def test_a_head_that_is_there_is_taken():
+def test_existing_head_keypoint_is_used():
     own = Skeleton("shelf", JOINTS)
     points = np.arange(42.0).reshape(14, 3)
     np.testing.assert_array_equal(joints_14(points, own, "campus"), points)
 
 
-def test_one_part_by_hand():
+def test_score_of_one_part_matches_hand_computed_values():
     """A lower arm of 0.25 m: the wrist may be 0.25 m off and not more; the head's ends 0.1 m each."""
     truth = joints_14(body(), COCO, "campus")[None, None]
     for off, correct in ((0.24, 1.0), (0.26, 0.0)):
-        found = truth.copy()
-        found[..., JOINTS.index("right_wrist"), 0] += off
-        scores = part_scores(found, truth, "campus")
+        actual = truth.copy()
+        actual[..., JOINTS.index("right_wrist"), 0] += off
+        scores = part_scores(actual, truth, "campus")
         assert scores.by_part[PARTS.index("right_lower_arm")] == correct
         assert scores.by_actor == (pytest.approx(0.9 + 0.1 * correct),)
     for off, correct in ((0.09, 1.0), (0.11, 0.0)):
-        found = truth.copy()
-        found[..., 12:, 0] += off
-        scores = part_scores(found, truth, "campus")
+        actual = truth.copy()
+        actual[..., 12:, 0] += off
+        scores = part_scores(actual, truth, "campus")
         assert scores.by_part[PARTS.index("head")] == correct
         assert scores.by_part[PARTS.index("torso")] == 1
 
 
 def test_without_a_head_eight_parts_count():
     truth = joints_14(body(), COCO, "campus")[None, None]
-    found = joints_14(body(), COCO, "none")[None, None]
-    found[..., 0, 0] += 1.0
-    scores = part_scores(found, truth, "none")
+    actual = joints_14(body(), COCO, "none")[None, None]
+    actual[..., 0, 0] += 1.0
+    scores = part_scores(actual, truth, "none")
     assert scores.by_actor == (pytest.approx(7 / 8),)
     assert np.isnan(scores.by_part[-2:]).all()
 
 
-def test_the_closest_counts_however_far_and_for_two_at_once():
+def test_closest_person_counts_at_any_distance_and_repeatedly():
     truth = np.stack([joints_14(body() + np.array([x, 0, 0]), COCO, "campus") for x in (0.0, 0.02, 3.0, 6.0)])[None]
-    found = joints_14(body(), COCO, "campus")[None, None]
-    scores = part_scores(found, truth, "campus")
+    actual = joints_14(body(), COCO, "campus")[None, None]
+    scores = part_scores(actual, truth, "campus")
     assert scores.by_actor == (1, 1, 0, 0)
     assert scores.average == pytest.approx(2 / 4)
     assert scores.average_first_three == pytest.approx(2 / 3)
@@ -92,23 +92,23 @@ def test_the_closest_counts_however_far_and_for_two_at_once():
 
 def test_missing_joints_people_and_truth():
     truth = np.repeat(joints_14(body(), COCO, "campus")[None, None], 4, axis=0)
-    found = truth.copy()
-    found[0, 0, JOINTS.index("left_ankle")] = np.nan
-    found[1] = np.nan
+    actual = truth.copy()
+    actual[0, 0, JOINTS.index("left_ankle")] = np.nan
+    actual[1] = np.nan
     truth[2] = np.nan
-    scores = part_scores(found, truth, "campus")
+    scores = part_scores(actual, truth, "campus")
     assert scores.n_person_frames == 3
     assert scores.by_actor == (pytest.approx((9 + 0 + 10) / 30),)
     assert scores.recall_500 == pytest.approx(2 / 3)
-    nobody = part_scores(found[:, :0], truth, "campus")
-    assert (nobody.average, nobody.recall_500) == (0, 0)
+    empty = part_scores(actual[:, :0], truth, "campus")
+    assert (empty.average, empty.recall_500) == (0, 0)
 
 
-def test_pck_counts_what_is_missing_as_wrong():
+def test_pck_counts_missing_keypoints_as_wrong():
     truth = np.zeros((1, 1, 4, 3))
     truth[0, 0, 3] = np.nan
-    found = truth.copy()
-    found[0, 0, 0, 0] = 0.08
-    found[0, 0, 1] = np.nan
-    assert pck(found, truth, (0.05, 0.1)) == (pytest.approx(1 / 3), pytest.approx(2 / 3))
-    assert np.isnan(pck(found, np.full_like(truth, np.nan), (0.05,))[0])
+    actual = truth.copy()
+    actual[0, 0, 0, 0] = 0.08
+    actual[0, 0, 1] = np.nan
+    assert pck(actual, truth, (0.05, 0.1)) == (pytest.approx(1 / 3), pytest.approx(2 / 3))
+    assert np.isnan(pck(actual, np.full_like(truth, np.nan), (0.05,))[0])

@@ -31,7 +31,7 @@ def test_corners_of_sleap_anipose(tmp_path):
     assert np.array_equal(pixels[2, 0, 1], corners[0, 2, 1])
     assert np.isnan(pixels[2, 1, 3]).all()
     assert np.isnan(pixels[0, 0, 0]).all(), "a corner at (0, 0) is missing"
-    with pytest.raises(FileError, match="corners of 2 cameras"):
+    with pytest.raises(FileError, match="corners of 2 unnamed cameras"):
         read_board(tmp_path / "calibration.metadata.h5", ("a", "b", "c"))
 
 
@@ -53,13 +53,13 @@ def test_files_without_a_board_are_refused_with_the_option(tmp_path):
         read_board(tmp_path / "xy.csv", ("a",))
 
 
-def test_an_excluded_camera_survives_a_round_trip_and_its_view_is_not_used(tmp_path):
+def test_excluded_camera_survives_a_round_trip_and_its_view_is_not_used(tmp_path):
     rig = ring(4)
     anipose.write(replace(rig.select(rig.names[:3]), left_out=("cam_3",), notes=("Refined.",)), tmp_path / "r.toml")
     back = read_cameras(tmp_path / "r.toml")
     assert back.left_out == ("cam_3",)
     assert back.notes == ("Refined.",)
-    seen = Detections.from_dense(Skeleton("p", ("p",)), rig.names, np.zeros((2, 4, 1, 2)))
-    matched, views, notes = match_views(back, seen, Options())
+    observed = Detections.from_dense(Skeleton("p", ("p",)), rig.names, np.zeros((2, 4, 1, 2)))
+    matched, views, notes = match_views(back, observed, Options())
     assert views.view_names == matched.names == rig.names[:3]
     assert any("cam_3" in note for note in notes)

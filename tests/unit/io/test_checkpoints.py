@@ -116,7 +116,7 @@ def test_finished_work_is_not_repeated(crowd, whole, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(("moment", "frames"), [(3, 32), (7, 16)])
-def test_an_interruption_keeps_finished_work(crowd, whole, tmp_path, moment, frames):
+def test_interruption_keeps_finished_work(crowd, whole, tmp_path, moment, frames):
     """During tracking the recording ends there; later, the finished chunks become a partial result."""
     checkpoint = CheckpointFolder(tmp_path / "parts", "key")
     ending = Ending(checkpoint, [moment], KeyboardInterrupt, after=False)
@@ -135,7 +135,7 @@ def test_an_interruption_keeps_finished_work(crowd, whole, tmp_path, moment, fra
     assert made(crowd, MANY, tmp_path / "made.nc", checkpoint) == whole
 
 
-def test_an_interruption_without_a_checkpoint_is_raised(crowd, monkeypatch):
+def test_interruption_without_a_checkpoint_is_raised(crowd, monkeypatch):
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
@@ -155,7 +155,7 @@ while True:
 """
 
 
-def test_a_part_is_complete_or_absent(tmp_path):
+def test_part_is_complete_or_absent(tmp_path):
     """At any time of a SIGKILL."""
     process = subprocess.Popen([sys.executable, "-c", KILLED.format(folder=str(tmp_path / "parts"))])
     until = time.monotonic() + 120.0
@@ -180,7 +180,7 @@ def with_parts(folder: Path) -> CheckpointFolder:
     return parts
 
 
-def test_a_finished_file_replaces_its_parts(tmp_path):
+def test_finished_file_replaces_its_parts(tmp_path):
     parts = with_parts(tmp_path)
     assert parts.load_file(tmp_path / "nothing") is None
     parts.save_file(tmp_path / "made", ("a warning",))
@@ -191,7 +191,7 @@ def test_a_finished_file_replaces_its_parts(tmp_path):
     assert ((tmp_path / "again").read_bytes(), others) == (b"all of it", 0)
 
 
-def test_a_damaged_or_foreign_finished_file_is_not_restored(tmp_path):
+def test_damaged_or_foreign_finished_file_is_not_restored(tmp_path):
     parts = with_parts(tmp_path)
     parts.save_file(tmp_path / "made")
     assert CheckpointFolder(parts.folder, "other").load_file(tmp_path / "again") is None
@@ -247,12 +247,12 @@ class TestParts:
         assert (parts.child("sub").load("a"), others) == (None, 1)
         assert not (tmp_path / "parts").exists()
 
-    def test_a_part_of_another_key_is_not_loaded(self, tmp_path):
+    def test_part_of_another_key_is_not_loaded(self, tmp_path):
         CheckpointFolder(tmp_path / "parts", "key").save("a", 1)
         assert CheckpointFolder(tmp_path / "parts", "another").load("a") is None
 
     @pytest.mark.parametrize("change", [lambda b: b[:-1], lambda b: b[:-1] + bytes([b[-1] ^ 1]), lambda _: b""])
-    def test_a_damaged_part_is_not_loaded(self, tmp_path, change: Callable[[bytes], bytes]):
+    def test_damaged_part_is_not_loaded(self, tmp_path, change: Callable[[bytes], bytes]):
         parts = CheckpointFolder(tmp_path / "parts", "key")
         parts.save("a", 1)
         file = tmp_path / "parts" / "a.part"
@@ -274,7 +274,7 @@ class TestParts:
         with pytest.raises(FileError, match="Its origin is unknown"):
             parts.load("a")
 
-    def test_a_part_damaged_at_any_byte_is_not_loaded(self, tmp_path):
+    def test_part_damaged_at_any_byte_is_not_loaded(self, tmp_path):
         parts = CheckpointFolder(tmp_path / "parts", "key")
         parts.spool("a.b").add(np.arange(3))
         parts.save("a", np.arange(5))
@@ -287,7 +287,7 @@ class TestParts:
         np.testing.assert_array_equal(parts.load("a"), np.arange(5))
 
     @pytest.mark.parametrize("at", [0, 9, 17, 40])
-    def test_a_damaged_spool_is_an_error(self, tmp_path, at):
+    def test_damaged_spool_is_an_error(self, tmp_path, at):
         spool = CheckpointFolder(tmp_path / "parts", "key").spool("a.b")
         place = spool.add(np.arange(3))
         path = tmp_path / "parts" / "a.b.spool"
@@ -297,7 +297,7 @@ class TestParts:
         with pytest.raises(FileError, match="damaged at byte 0. Remove .*parts"):
             spool.read(place)
 
-    def test_a_spool_is_truncated_to_the_length_of_its_part(self, tmp_path):
+    def test_spool_is_truncated_to_the_length_of_its_part(self, tmp_path):
         parts = CheckpointFolder(tmp_path / "parts", "key")
         spool = parts.spool("a.b")
         first = spool.add(np.arange(3))

@@ -44,7 +44,7 @@ def test_h5py_never_returns_from_a_broken_heap(tmp_path):
         hdf5_heaps.check_heaps(path)
 
 
-def test_a_heap_with_a_broken_size_is_refused(tmp_path):
+def test_heap_with_a_broken_size_is_refused(tmp_path):
     path = tmp_path / "broken.h5"
     with_object_size(path, 1 << 40)
     with pytest.raises(FileError, match="strings at byte"):

@@ -38,11 +38,11 @@ def test_values_equal_those_of_scipy(compressed, tmp_path):
     path = tmp_path / "values.mat"
     values = {"numbers": np.arange(6.0).reshape(2, 3), "integers": np.array([[1, -2]], np.int16), "text": "left"}
     savemat(path, values | {"record": {"K": np.eye(3), "name": "cam"}}, do_compression=compressed)
-    found, expected = read_mat(path, (*values, "record")), loadmat(path)
-    np.testing.assert_array_equal(found["numbers"], expected["numbers"])
-    np.testing.assert_array_equal(found["integers"], expected["integers"])
-    assert found["text"] == expected["text"][0]
-    record = found["record"].item()
+    actual, expected = read_mat(path, (*values, "record")), loadmat(path)
+    np.testing.assert_array_equal(actual["numbers"], expected["numbers"])
+    np.testing.assert_array_equal(actual["integers"], expected["integers"])
+    assert actual["text"] == expected["text"][0]
+    record = actual["record"].item()
     np.testing.assert_array_equal(record["K"], expected["record"]["K"].item())
     assert record["name"] == "cam"
     assert variable_names(path) == {*values, "record"}

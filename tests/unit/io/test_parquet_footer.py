@@ -62,7 +62,7 @@ def content(tmp_path_factory) -> bytes:
 
 
 @given(data=st.data())
-def test_a_broken_footer_is_an_error(data, content, tmp_path_factory):
+def test_broken_footer_is_an_error(data, content, tmp_path_factory):
     broken = bytearray(content)
     length = int.from_bytes(content[-8:-4], "little")
     for _ in range(data.draw(st.integers(1, 4))):

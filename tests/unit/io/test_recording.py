@@ -27,20 +27,20 @@ SCENE = simulate(SceneOptions(skeleton="body_25", duration_s=0.2, cameras=2))
 def test_files_in_the_folder_are_found(tmp_path):
     anipose.write(SCENE.rig, tmp_path / "calibration.toml")
     native.write(SCENE.detections, tmp_path / "keypoints.nc")
-    found = find_recording(tmp_path)
-    assert choose_calibration(found) == tmp_path / "calibration.toml"
-    assert choose_keypoints(found) == tmp_path / "keypoints.nc"
+    recording = find_recording(tmp_path)
+    assert choose_calibration(recording) == tmp_path / "calibration.toml"
+    assert choose_keypoints(recording) == tmp_path / "keypoints.nc"
 
 
-def test_the_layout_of_pose2sim_is_found(tmp_path):
+def test_layout_of_pose2sim_is_found(tmp_path):
     (tmp_path / "calibration").mkdir()
     (tmp_path / "calibration" / "Calib.qca.txt").write_text(qualisys_xml(ring(2)))
     trial = tmp_path / "trial_1"
     write_openpose(trial / "pose", SCENE.detections)
     (trial / "Config.toml").write_text("[project]\nframe_rate = 30\n")
-    found = find_recording(trial)
-    assert choose_calibration(found).name == "Calib.qca.txt"
-    assert choose_keypoints(found) == trial / "pose"
+    recording = find_recording(trial)
+    assert choose_calibration(recording).name == "Calib.qca.txt"
+    assert choose_keypoints(recording) == trial / "pose"
     assert choose_keypoints(find_recording(tmp_path)) == trial / "pose"
 
 
@@ -49,24 +49,24 @@ def test_several_candidates_are_listed_with_their_option(tmp_path):
     write_openpose(tmp_path / "pose-associated", SCENE.detections)
     anipose.write(SCENE.rig, tmp_path / "old.toml")
     anipose.write(SCENE.rig, tmp_path / "new.toml")
-    found = find_recording(tmp_path)
+    recording = find_recording(tmp_path)
     with pytest.raises(RecordingError) as error:
-        choose_calibration(found)
+        choose_calibration(recording)
     assert "2 calibrations" in str(error.value)
     assert f"--calibration {tmp_path / 'new.toml'}  (anipose)" in str(error.value)
     with pytest.raises(RecordingError, match="--keypoints .*pose-associated  .openpose."):
-        choose_keypoints(found)
+        choose_keypoints(recording)
 
 
 def test_missing_input_is_an_error_with_the_option(tmp_path):
     (tmp_path / "videos").mkdir()
     (tmp_path / "videos" / "cam.mp4").touch()
     np.save(tmp_path / "lengths.npy", np.zeros((3, 4)))
-    found = find_recording(tmp_path)
+    recording = find_recording(tmp_path)
     with pytest.raises(RecordingError, match="No calibrations found in .*Add --calibration PATH"):
-        choose_calibration(found)
+        choose_calibration(recording)
     with pytest.raises(RecordingError, match="No sets of 2D keypoints found in .*Add --keypoints PATH"):
-        choose_keypoints(found)
+        choose_keypoints(recording)
     with pytest.raises(FileError, match="No recording at"):
         find_recording(tmp_path / "nowhere")
     (tmp_path / "notes.md").touch()
@@ -74,21 +74,21 @@ def test_missing_input_is_an_error_with_the_option(tmp_path):
         find_recording(tmp_path / "notes.md")
 
 
-def test_a_calibration_file_alone_has_no_keypoints(tmp_path):
+def test_calibration_file_alone_has_no_keypoints(tmp_path):
     anipose.write(SCENE.rig, tmp_path / "calibration.toml")
-    found = find_recording(tmp_path / "calibration.toml")
-    assert choose_calibration(found) == tmp_path / "calibration.toml"
+    recording = find_recording(tmp_path / "calibration.toml")
+    assert choose_calibration(recording) == tmp_path / "calibration.toml"
     with pytest.raises(RecordingError, match=r"No sets of 2D keypoints found in .*calibration.toml\. Add --keypoints"):
-        choose_keypoints(found)
+        choose_keypoints(recording)
 
 
-def test_a_broken_file_is_skipped_and_others_are_found(tmp_path):
+def test_broken_file_is_skipped_and_others_are_found(tmp_path):
     (tmp_path / "broken.toml").write_text("[cam")
     anipose.write(SCENE.rig, tmp_path / "calibration.toml")
     assert choose_calibration(find_recording(tmp_path)).name == "calibration.toml"
 
 
-def test_a_calibration_that_cannot_be_read_is_reported_as_such(tmp_path):
+def test_calibration_that_cannot_be_read_is_reported_as_such(tmp_path):
     (tmp_path / "calibration.toml").write_text("[cam_0]\nname = ")
     with pytest.raises(RecordingError, match="which cannot be read.*calibration.toml is not valid TOML"):
         choose_calibration(find_recording(tmp_path))
@@ -119,7 +119,7 @@ class TestResultFolder:
             raise RuntimeError
         assert list(tmp_path.iterdir()) == []
 
-    def test_a_failed_second_run_leaves_the_first(self, tmp_path):
+    def test_failed_second_run_leaves_the_first(self, tmp_path):
         out = tmp_path / "out"
         self.write(out, reconstruction_nc="1")
         with pytest.raises(RuntimeError), replacing_folder(out):
@@ -159,28 +159,28 @@ def test_two_runs_do_not_write_to_one_folder(tmp_path):
     assert (out / "reconstruction.nc").read_text() == "third"
 
 
-def test_the_folder_is_locked_until_cleanup_is_done(tmp_path):
-    out, after, seen = tmp_path / "out", contextlib.ExitStack(), []
+def test_folder_is_locked_until_cleanup_is_done(tmp_path):
+    out, after, observed = tmp_path / "out", contextlib.ExitStack(), []
 
-    def look() -> None:
-        seen.append((out / "reconstruction.nc").read_text())
+    def read_during_replacement() -> None:
+        observed.append((out / "reconstruction.nc").read_text())
         with pytest.raises(FileError, match="another posefuse"), replacing_folder(out):
             pass
 
-    after.callback(look)
+    after.callback(read_during_replacement)
     with replacing_folder(out, after=after) as staging:
         (staging / "reconstruction.nc").write_text("1")
-    assert seen == ["1"]
+    assert observed == ["1"]
     assert list(tmp_path.iterdir()) == [out]
 
 
-def test_a_folder_that_disappeared_is_busy(tmp_path):
+def test_folder_that_disappeared_is_busy(tmp_path):
     out, staging = tmp_path / "out", tmp_path / ".out.partial"
     with pytest.raises(FileError, match="another posefuse"), exclusive_folder(staging, out):
         pass
 
 
-def test_a_result_can_be_written_to_the_current_folder(tmp_path, monkeypatch):
+def test_result_can_be_written_to_the_current_folder(tmp_path, monkeypatch):
     (tmp_path / "out").mkdir()
     monkeypatch.chdir(tmp_path / "out")
     with replacing_folder(Path()) as staging:
@@ -190,7 +190,7 @@ def test_a_result_can_be_written_to_the_current_folder(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("moved", [0, 1, 2])
-def test_a_folder_whose_move_was_interrupted_is_still_a_result(tmp_path, monkeypatch, moved):
+def test_folder_whose_move_was_interrupted_is_still_a_result(tmp_path, monkeypatch, moved):
     """This also holds for a folder with another marker."""
     out, replace, left = tmp_path / "out", os.replace, [moved]
 
@@ -218,7 +218,7 @@ def test_a_folder_whose_move_was_interrupted_is_still_a_result(tmp_path, monkeyp
     )
 
 
-def test_the_lock_of_a_killed_process_is_released(tmp_path):
+def test_lock_of_a_killed_process_is_released(tmp_path):
     out = tmp_path / "out"
     program = (
         "import os, signal, sys; from pathlib import Path; from posefuse.io.files import replacing_folder\n"
@@ -260,9 +260,9 @@ class TestFindInputs:
             find_inputs(ambiguous, keypoints=ambiguous / "a", options=Options(rate_hz=30.0))
         assert "keypoints" not in str(caught.value)
         assert "--rate-hz" not in str(caught.value)
-        found = find_inputs(ambiguous, ambiguous / "b.toml", ambiguous / "a")
-        assert found == InputPaths(ambiguous / "b.toml", ambiguous / "a")
+        actual = find_inputs(ambiguous, ambiguous / "b.toml", ambiguous / "a")
+        assert actual == InputPaths(ambiguous / "b.toml", ambiguous / "a")
 
-    def test_an_empty_folder(self, tmp_path):
+    def test_empty_folder(self, tmp_path):
         with pytest.raises(RecordingError, match=r"(?s)No calibrations.*No sets of 2D keypoints"):
             find_inputs(tmp_path)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from posefuse.io.stream import LineReader, RejectedLine, line_of
 from posefuse.model.view_message import ViewMessage
-from tests.laws import examples
+from tests.properties import examples
 
 CAMERAS = ("left", "right\n", "mitte ü")
 READER = LineReader(CAMERAS, 3, 4)
@@ -17,35 +17,37 @@ GOOD = {"camera": "left", "time_s": 0.5, "people": [{"keypoints": [[1, 2, 0.5], 
 
 
 def refused(**changes: object) -> RejectedLine:
-    found = READER.read(json.dumps(GOOD | changes).encode())
-    assert isinstance(found, RejectedLine)
-    return found
+    actual = READER.read(json.dumps(GOOD | changes).encode())
+    assert isinstance(actual, RejectedLine)
+    return actual
 
 
 def person(*keypoints: object, **more: object) -> list[dict[str, object]]:
     return [{"keypoints": list(keypoints), **more}]
 
 
-def test_a_hand_written_line_is_read():
-    seen = READER.read(json.dumps(GOOD | {"frame": 3, "comment": "more is allowed"}).encode())
-    assert isinstance(seen, ViewMessage)
-    assert (seen.view, seen.time_s, seen.track_ids.tolist()) == (0, 0.5, [7])
+def test_hand_written_line_is_read():
+    observed = READER.read(json.dumps(GOOD | {"frame": 3, "comment": "more is allowed"}).encode())
+    assert isinstance(observed, ViewMessage)
+    assert (observed.view, observed.time_s, observed.track_ids.tolist()) == (0, 0.5, [7])
     nan = np.nan
-    np.testing.assert_array_equal(seen.keypoints_px, [[[1, 2], [3.5, 4], [nan, nan]]])
-    np.testing.assert_array_equal(seen.confidence, [[0.5, nan, nan]])
+    np.testing.assert_array_equal(observed.keypoints_px, [[[1, 2], [3.5, 4], [nan, nan]]])
+    np.testing.assert_array_equal(observed.confidence, [[0.5, nan, nan]])
 
 
-def test_a_line_without_people_is_read():
-    seen = READER.read(b'{"camera": "left", "time_s": -3, "people": []}')
-    assert isinstance(seen, ViewMessage)
-    assert seen.keypoints_px.shape == (0, 3, 2)
+def test_line_without_people_is_read():
+    observed = READER.read(b'{"camera": "left", "time_s": -3, "people": []}')
+    assert isinstance(observed, ViewMessage)
+    assert observed.keypoints_px.shape == (0, 3, 2)
 
 
 def test_one_coordinate_alone_is_missing():
-    seen = READER.read(json.dumps(GOOD | {"people": person([1, None, 0.9], [None, None, None], [1, 2, None])}).encode())
-    assert isinstance(seen, ViewMessage)
-    assert np.isnan(seen.keypoints_px[0, :2]).all()
-    assert np.isnan(seen.confidence[0]).all()
+    observed = READER.read(
+        json.dumps(GOOD | {"people": person([1, None, 0.9], [None, None, None], [1, 2, None])}).encode()
+    )
+    assert isinstance(observed, ViewMessage)
+    assert np.isnan(observed.keypoints_px[0, :2]).all()
+    assert np.isnan(observed.confidence[0]).all()
 
 
 @pytest.mark.parametrize(
@@ -70,10 +72,10 @@ def test_one_coordinate_alone_is_missing():
         ({"people": person(None, None, None) * 5}, "too many people", "at most 4"),
     ],
 )
-def test_a_rejected_line_states_the_fault_and_reason(changes, fault, words):
-    found = refused(**changes)
-    assert found.fault == fault
-    assert words in found.reason
+def test_rejected_line_states_the_fault_and_reason(changes, fault, words):
+    actual = refused(**changes)
+    assert actual.fault == fault
+    assert words in actual.reason
 
 
 @pytest.mark.parametrize(
@@ -84,9 +86,9 @@ def test_arbitrary_bytes_are_rejected(line):
 
 
 def test_nan_is_rejected_with_a_hint():
-    found = READER.read(b'{"camera": "left", "time_s": NaN, "people": []}')
-    assert isinstance(found, RejectedLine)
-    assert "null" in found.reason
+    actual = READER.read(b'{"camera": "left", "time_s": NaN, "people": []}')
+    assert isinstance(actual, RejectedLine)
+    assert "null" in actual.reason
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(0, 4))
@@ -101,8 +103,8 @@ def test_lines_survive_a_round_trip(seed, people):
     view = ViewMessage(int(rng.integers(3)), rng.normal() * 1e6, pixels, confidence, rng.integers(-1, 99, people))
     line = line_of(CAMERAS[view.view], view)
     assert line.count(b"\n") == 1
-    seen = READER.read(line)
-    assert isinstance(seen, ViewMessage)
-    assert (seen.view, seen.time_s) == (view.view, view.time_s)
+    observed = READER.read(line)
+    assert isinstance(observed, ViewMessage)
+    assert (observed.view, observed.time_s) == (view.view, view.time_s)
     for name in ("keypoints_px", "confidence", "track_ids"):
-        np.testing.assert_array_equal(getattr(seen, name), getattr(view, name))
+        np.testing.assert_array_equal(getattr(observed, name), getattr(view, name))

@@ -34,25 +34,25 @@ def table(path, header="camera,frame,time_s", rows=(("a", 0, 0.0), ("a", 1, 0.1)
     ("header", "factor"),
     [("camera,frame,time_s", 1), ("port,sync_index,frame_time", 1), ("View, Frame_Index, Timestamp_ns", 1e9)],
 )
-def test_a_table(header, factor, tmp_path):
+def test_table(header, factor, tmp_path):
     rows = [("b", 1, 0.12 * factor), ("b", 0, 0.02 * factor), ("a", 0, 0.0), ("a", 1, 0.1 * factor)]
-    found = read_timestamps(table(tmp_path / "times.csv", header, rows))
-    assert sorted(found.by_view) == ["a", "b"]
-    assert found.by_view["b"].frames.tolist() == [0, 1]
-    np.testing.assert_allclose(found.by_view["b"].time_s, [0.02, 0.12])
+    timestamps = read_timestamps(table(tmp_path / "times.csv", header, rows))
+    assert sorted(timestamps.by_view) == ["a", "b"]
+    assert timestamps.by_view["b"].frames.tolist() == [0, 1]
+    np.testing.assert_allclose(timestamps.by_view["b"].time_s, [0.02, 0.12])
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("seconds", 1), ("milliseconds", 1e3), ("nanoseconds", 1e9)])
-def test_a_folder_of_arrays(unit, factor, tmp_path):
+def test_folder_of_arrays(unit, factor, tmp_path):
     folder = tmp_path / "timestamps"
     folder.mkdir()
     for name in ("Camera_0_synchronized", "Camera_1_synchronized"):
         np.save(folder / f"{name}_timestamps.npy", factor * np.arange(5) / 30)
     assert find([tmp_path]) == (folder.resolve(),)
-    found = read_timestamps(folder)
-    assert list(found.by_view) == ["Camera_0_synchronized", "Camera_1_synchronized"]
-    np.testing.assert_allclose(found.by_view["Camera_0_synchronized"].time_s, np.arange(5) / 30)
-    assert unit in found.notes[0]
+    timestamps = read_timestamps(folder)
+    assert list(timestamps.by_view) == ["Camera_0_synchronized", "Camera_1_synchronized"]
+    np.testing.assert_allclose(timestamps.by_view["Camera_0_synchronized"].time_s, np.arange(5) / 30)
+    assert unit in timestamps.notes[0]
 
 
 def test_other_tables_are_not_timestamps(tmp_path):
@@ -106,9 +106,9 @@ def two_views(n: int = 4) -> Detections:
 def test_times_are_matched_to_views_by_name(tmp_path):
     names = two_views().view_names
     rows = [(name.upper(), f, 10 * v + f) for v, name in enumerate((*names, "another")) for f in range(4)]
-    found = with_timestamps(two_views(), read_timestamps(table(tmp_path / "times.csv", rows=rows)))
-    np.testing.assert_array_equal(found.time_s, [[f, 10 + f] for f in range(4)])
-    assert found.notes[-1] == "Times are those of times.csv; it has more views: ANOTHER."
+    timestamps = with_timestamps(two_views(), read_timestamps(table(tmp_path / "times.csv", rows=rows)))
+    np.testing.assert_array_equal(timestamps.time_s, [[f, 10 + f] for f in range(4)])
+    assert timestamps.notes[-1] == "Times are read from times.csv, which has more views: ANOTHER."
     with pytest.raises(MatchError, match=f"no times of {names[1]}; it has those of {names[0].upper()}"):
         with_timestamps(two_views(), read_timestamps(table(tmp_path / "times.csv", rows=rows[:4])))
     short = [row for row in rows if row[1] != 2]
@@ -122,10 +122,10 @@ def test_times_are_matched_to_views_by_name(tmp_path):
 def test_views_can_have_their_own_rates():
     first, second = two_views().view_names
     timeless = replace(two_views(12), time_s=np.full((12, 2), np.nan), rate_hz=None)
-    found = with_common_frames(timeless, Request(rate_hz=30.0, view_rates_hz={second: 60.0}))
-    assert (found.n_frames, found.rate_hz) == (12, 30.0)
-    assert found.recorded.sum(axis=0).tolist() == [12, 6]
-    with pytest.raises(DetectionsError, match=f"has no rate for {first}"):
+    actual = with_common_frames(timeless, Request(rate_hz=30.0, view_rates_hz={second: 60.0}))
+    assert (actual.n_frames, actual.rate_hz) == (12, 30.0)
+    assert actual.recorded.sum(axis=0).tolist() == [12, 6]
+    with pytest.raises(DetectionsError, match=f"sets no rate for {first}"):
         with_common_frames(timeless, Request(view_rates_hz={second: 60.0}))
     with pytest.raises(MatchError, match=r"view_rates_hz: no view 'cam_9'"):
         with_common_frames(timeless, Request(rate_hz=30.0, view_rates_hz={"cam_9": 60.0}))
@@ -181,7 +181,7 @@ def test_mixed_rates_give_the_points_of_the_common_frames(recording):
     mixed = reconstructed(recording, "mixed")
     assert mixed.rate_hz == 30
     notes = " ".join(mixed.provenance.notes)
-    assert "Times are those of times.csv" in notes
+    assert "Times are read from times.csv" in notes
     assert "30 of its 60 frames are not used" in notes
     names = SCENE.detections.view_names
     assert f"View {names[1]}_json (30 Hz): 5 of the 30 frames missing" in notes
@@ -204,10 +204,12 @@ def test_frame_numbers_that_agree_with_times_are_kept(tmp_path):
         track_ids=some.track_ids[kept],
     )  # fmt: skip
     rows = [(name, f, f / 60) for v, name in enumerate((first, second)) for f in range(0, 12, 1 + v)]
-    found = with_common_frames(holed, Request(timestamps=read_timestamps(table(tmp_path / "times.csv", rows=rows))))
-    assert (found.n_frames, found.rate_hz) == (12, 60.0)
-    np.testing.assert_array_equal(found.recorded, recorded)
-    assert found.notes[-1] == "Times are those of times.csv."
+    timestamps = with_common_frames(
+        holed, Request(timestamps=read_timestamps(table(tmp_path / "times.csv", rows=rows)))
+    )
+    assert (timestamps.n_frames, timestamps.rate_hz) == (12, 60.0)
+    np.testing.assert_array_equal(timestamps.recorded, recorded)
+    assert timestamps.notes[-1] == "Times are read from times.csv."
 
 
 def test_several_timestamps_are_an_error(recording, capsys):
@@ -225,5 +227,5 @@ def test_several_timestamps_are_an_error(recording, capsys):
 def test_times_in_the_keypoint_file_take_precedence_over_nearby_timestamps(tmp_path):
     native.write(two_views(), tmp_path / "keypoints.nc")
     stamps = read_timestamps(table(tmp_path / "times.csv"))
-    found = with_common_frames(read_detections(tmp_path / "keypoints.nc"), Request(nearby=stamps))
-    np.testing.assert_array_equal(found.time_s, two_views().time_s)
+    detections = with_common_frames(read_detections(tmp_path / "keypoints.nc"), Request(nearby=stamps))
+    np.testing.assert_array_equal(detections.time_s, two_views().time_s)

@@ -8,7 +8,16 @@ from posefuse.kernels.linear_algebra import rotations, symmetric
 from posefuse.kernels.tracking import body_kinematics, update
 from posefuse.kernels.tracking.error_model import ErrorModel
 from posefuse.kernels.tracking.predict import predict_people
-from posefuse.kernels.tracking.records import UNOBSERVED, USED, Body, State
+from posefuse.kernels.tracking.records import (
+    UNOBSERVED,
+    USED,
+    AssignedDetections,
+    Body,
+    MotionModel,
+    Pose,
+    State,
+    UpdateResults,
+)
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.skeleton.trees import Tree
 from posefuse.synthetic.rigs import build_rig
@@ -16,7 +25,6 @@ from tests.kernels import from_python
 
 TREE = shipped_skeleton("halpe_26").tree
 assert TREE is not None
-WHERE = TREE.packed[:6]
 
 locate = from_python(body_kinematics.locate_nodes)
 differentiate = from_python(body_kinematics.node_jacobian)
@@ -27,15 +35,15 @@ def body_of(tree: Tree) -> Body:
     return Body(*tree.packed, tree.keypoint_nodes, *tree.packed_limits)
 
 
-def pose(rng: np.random.Generator, tree: Tree) -> tuple[np.ndarray, ...]:
+def pose(rng: np.random.Generator, tree: Tree) -> Pose:
     turns = Rotation.random(len(tree.segments), rng=rng).as_matrix()
     bones = Rotation.random(len(tree.bones), rng=rng).as_matrix()
-    return rng.normal(size=3), turns, bones, tree.shape_m * rng.uniform(0.9, 1.1, tree.n_shape)
+    return Pose(rng.normal(size=3), turns, bones, tree.shape_m * rng.uniform(0.9, 1.1, tree.n_shape))
 
 
 def points_of(tree: Tree, root, turns, bones, shape) -> np.ndarray:
     points = np.empty((len(tree.nodes), 3))
-    locate(*tree.packed[:6], root, turns, bones, shape, points)
+    locate(body_of(tree), Pose(root, turns, bones, shape), points)
     return points
 
 
@@ -48,7 +56,7 @@ def moved_points(tree: Tree, state: tuple[np.ndarray, ...], change: np.ndarray) 
 def test_jacobian_is_the_derivative(rng):
     state = pose(rng, TREE)
     jacobian = np.empty((len(TREE.nodes), 3, TREE.n_pose + TREE.n_shape))
-    differentiate(*WHERE, TREE.n_pose, *state[1:], jacobian)
+    differentiate(body_of(TREE), state, TREE.n_pose, jacobian)
     for c in range(jacobian.shape[2]):
         step = np.zeros(jacobian.shape[2])
         step[c] = 1e-6
@@ -58,7 +66,7 @@ def test_jacobian_is_the_derivative(rng):
 
 def test_only_listed_columns_move_a_node(rng):
     jacobian = np.empty((len(TREE.nodes), 3, TREE.n_pose + TREE.n_shape))
-    differentiate(*WHERE, TREE.n_pose, *pose(rng, TREE)[1:], jacobian)
+    differentiate(body_of(TREE), pose(rng, TREE), TREE.n_pose, jacobian)
     starts, columns = TREE.packed[6:]
     for n in range(len(TREE.nodes)):
         others = np.setdiff1d(np.arange(jacobian.shape[2]), columns[starts[n] : starts[n + 1]])
@@ -139,7 +147,7 @@ def test_prediction_matches_the_linear_formula(rng):
     before = (state.root[0], state.turns[0], state.bones[0], state.shape[0])
     there = moved_points(TREE, before, change)
     velocity = fade * state.velocity[0]
-    predict_people(np.array([dt]), decay, power, np.full(n, np.inf), walk, state)
+    predict_people(np.array([dt]), MotionModel(decay, power, np.full(n, np.inf), walk), state)
     np.testing.assert_allclose(state.covariance[0], expected, rtol=1e-5, atol=1e-9)
     np.testing.assert_allclose(state.velocity[0], velocity)
     np.testing.assert_allclose(points_of(TREE, *(each[0] for each in state[:4])), there, atol=1e-12)
@@ -163,19 +171,14 @@ def test_update_matches_the_kalman_formula_for_a_linear_problem(lens, rng):
     use = np.empty((1, 4, keypoints), dtype=np.int64)
     moved, surprise = np.empty(1), np.empty(1)
     update.update_people(
-        rig.packed[0],
+        rig.packed.array,
         body_of(TREE),
         law,
+        AssignedDetections(np.arange(4)[None], labels, pixels, np.ones((4, keypoints))),
         np.ones(1),
         3,
-        np.arange(4)[None],
-        labels,
-        pixels,
-        np.ones((4, keypoints)),
         state,
-        use,
-        moved,
-        surprise,
+        UpdateResults(use, moved, surprise),
     )
     assert (use == USED).all()
     jacobian = np.zeros((pixels.size, 2 * n + h))
@@ -212,11 +215,10 @@ def test_joint_limits_correct_violations(rng):
     law = ErrorModel(np.full(1, 2.0), 0.0, 0.0, 3.0, 50.0, 0.05, 0.0)
     rig = build_rig(n_cameras=1)
     for _ in range(3):
-        update.update_people(
-            rig.packed[0], body_of(TREE), law, np.ones(1), 5, np.full((1, 1), -1), np.zeros((1, 1, keypoints), int),
-            np.empty((0, keypoints, 2)), np.empty((0, keypoints)), state, np.empty((1, 1, keypoints), np.int64),
-            np.empty(1), np.empty(1),
-        )  # fmt: skip
+        labels, pixels = np.zeros((1, 1, keypoints), int), np.empty((0, keypoints, 2))
+        none = AssignedDetections(np.full((1, 1), -1), labels, pixels, np.empty((0, keypoints)))
+        out = UpdateResults(np.empty((1, 1, keypoints), np.int64), np.empty(1), np.empty(1))
+        update.update_people(rig.packed.array, body_of(TREE), law, none, np.ones(1), 5, state, out)
     thigh, shank, across = state.bones[0, knee, :, 2], state.bones[0, ankle, :, 2], state.turns[0, 0, :, 1]
     assert np.cross(before[2][0, knee, :, 2], before[2][0, ankle, :, 2]) @ before[1][0, 0, :, 1] < -0.5
     assert np.cross(thigh, shank) @ across > -0.2
@@ -235,10 +237,9 @@ def test_indefinite_covariance_is_reported_and_ignored(rng):
     moved, surprise = np.zeros(1), np.zeros(1)
     law = ErrorModel(np.full(2, 2.0), 0.0, 0.0, 1e9, 1e9, 1e9, 0.0)
     labels = np.tile(np.arange(keypoints), (1, 2, 1))
-    update.update_people(
-        rig.packed[0], body_of(TREE), law, np.ones(1), 3, np.arange(2)[None], labels, np.zeros((2, keypoints, 2)),
-        np.ones((2, keypoints)), state, use, moved, surprise,
-    )  # fmt: skip
+    detections = AssignedDetections(np.arange(2)[None], labels, np.zeros((2, keypoints, 2)), np.ones((2, keypoints)))
+    out = UpdateResults(use, moved, surprise)
+    update.update_people(rig.packed.array, body_of(TREE), law, detections, np.ones(1), 3, state, out)
     assert (use == UNOBSERVED).all()
     assert np.isnan([moved[0], surprise[0], *state.root[0]]).all()
 

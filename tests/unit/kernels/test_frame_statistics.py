@@ -13,7 +13,7 @@ from posefuse.kernels.tracking.frame_statistics import (
     record_matches,
     update_gated_time,
 )
-from posefuse.kernels.tracking.records import GATED, UNOBSERVED, USED
+from posefuse.kernels.tracking.records import GATED, UNOBSERVED, USED, ViewSupport
 from posefuse.tracking.body_states import KeypointUses
 
 SEEDS = range(5)
@@ -60,7 +60,7 @@ def test_view_support_matches_numpy(seed):
     free, before, dt_s, fade = rng.integers(0, 3, 4), rng.random((3, 4)), 0.04, 0.9
     after = before.copy()
     due = np.empty(4, dtype=np.int64)
-    accumulate_view_support(supported, expected, free, fade, dt_s, *after, due)
+    accumulate_view_support(supported, expected, free, fade, dt_s, ViewSupport(*after, due))
     sure = expected & (supported.sum(axis=1, keepdims=True) - supported >= 2)
     np.testing.assert_array_equal(due, sure.sum(axis=0))
     missed = (sure & ~supported).sum(axis=0)

@@ -14,7 +14,7 @@ from tests.scenes import LENSES, MATRIX, camera_with
 
 distort = from_python(kernels.distort)
 project_jacobian = from_python(kernels.project_jacobian)
-undistort_normalised = from_python(kernels.undistort_normalized)
+undistort_normalized = from_python(kernels.undistort_normalized)
 rows_block = from_python(rows_step)
 
 pytestmark = pytest.mark.no_jit
@@ -98,7 +98,7 @@ def test_jacobian_of_undistortion_is_that_of_distortion_at_the_solution(lens, rn
     packed = camera.packed[None]
     for x, y in points_in_view(camera, rng, 40)[:, :2] / 8:
         x_d, y_d, *_ = distort(packed, 0, x, y)
-        status, u, v, a, b, c, d = undistort_normalised(packed, 0, x_d, y_d)
+        status, u, v, a, b, c, d = undistort_normalized(packed, 0, x_d, y_d)
         assert status == kernels.OK
         np.testing.assert_allclose((u, v), (x, y), atol=1e-10)
         step = 1e-6

@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 
 from posefuse.kernels.tracking.matching import keypoint_log_odds, match_views
 from tests.kernels import from_python
-from tests.laws import examples
+from tests.properties import examples
 
 
 def best_gain(scores: np.ndarray, least: float) -> float:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from posefuse.kernels.synthetic.occlusion import mark_occluded
-from tests.laws import examples
+from tests.properties import examples
 
 EYE = np.zeros(3)
 

@@ -4,6 +4,15 @@ import numpy as np
 import pytest
 
 from posefuse.kernels.left_right import orientation
+from posefuse.kernels.left_right.records import (
+    LabelModel,
+    LinkModel,
+    MotionSpeeds,
+    OrientationCosts,
+    PairBlock,
+    PairFrames,
+    PairMemory,
+)
 from tests.reference import sides as naive
 
 pytestmark = pytest.mark.no_jit
@@ -24,7 +33,8 @@ def test_block_has_the_cheapest_sequence(seed):
     members = costs_of[3]
     best, sequence = naive.cheapest(*costs_of)
     out = np.zeros((3, 4), dtype=bool)
-    orientation.find_orientations(*costs_of, np.zeros(8), np.empty((3, 8), dtype=np.int64), out)
+    costs, pairs = OrientationCosts(*costs_of[:3]), PairBlock(*costs_of[3:])
+    orientation.find_orientations(costs, pairs, np.zeros(8), np.empty((3, 8), dtype=np.int64), out)
     assert naive.cost_of(out[:, members].astype(int), *costs_of) == pytest.approx(best)
     np.testing.assert_array_equal(out[:, members], sequence)
     assert not out[:, 1].any()
@@ -33,13 +43,13 @@ def test_block_has_the_cheapest_sequence(seed):
 @pytest.mark.parametrize("seed", range(4))
 def test_sequence_can_be_solved_in_pieces(seed):
     costs_of = block(np.random.default_rng(seed), frames=6)
-    arrays, fixed = costs_of[:3], costs_of[3:]
+    costs, pairs = OrientationCosts(*costs_of[:3]), PairBlock(*costs_of[3:])
     whole, pieces = np.zeros(8), np.zeros(8)
-    orientation.find_orientations(*costs_of, whole, np.empty((6, 8), dtype=np.int64), np.zeros((6, 4), dtype=bool))
+    orientation.find_orientations(costs, pairs, whole, np.empty((6, 8), dtype=np.int64), np.zeros((6, 4), dtype=bool))
     for part in (slice(0, 2), slice(2, 6)):
         n = part.stop - part.start
         out, origin = np.zeros((n, 4), dtype=bool), np.empty((n, 8), dtype=np.int64)
-        orientation.find_orientations(*(array[part] for array in arrays), *fixed, pieces, origin, out)
+        orientation.find_orientations(OrientationCosts(*(each[part] for each in costs)), pairs, pieces, origin, out)
     np.testing.assert_allclose(pieces, whole)
 
 
@@ -70,13 +80,14 @@ def test_temporal_costs_match_the_reference(rng):
     odds[0] += np.sign(odds[0])
     share, rate, weight = np.array([0.2, 0.3]), np.array([2.0, 5.0]), rng.uniform(0.2, 1, (pairs, views))
     turn = np.array([1.0, 2.0, 3.0])
-    memory = (
+    memory = PairMemory(
         np.full((pairs, 2, 3), np.nan), np.full((pairs, 2, 6), np.nan), np.full((pairs, 2), -np.inf),
         np.zeros((pairs, views)), np.full((pairs, views), -np.inf),
     )  # fmt: skip
     out, time_s = np.empty((frames, pairs, 2, 2)), np.array([5.0, 5.04])
-    frame = points, covariance, odds, time_s
-    orientation.temporal_costs(*frame, memory, (turn, turn), (share, rate, weight), np.empty((2, 6)), out)
+    frames_of = PairFrames(points, covariance, odds, time_s)
+    labels = LabelModel(share, rate, weight)
+    orientation.temporal_costs(frames_of, memory, MotionSpeeds(turn, turn), labels, np.empty((2, 6)), out)
     for p in range(pairs):
         first, second = np.zeros((2, 2)), np.zeros((2, 2))
         for v in range(views):
@@ -100,14 +111,14 @@ def test_single_point_of_a_pair_uses_its_last_position(rng):
     near, far = np.zeros(3), np.array([0.3, 0.0, 0.0])
     covariance = np.tile([1e-4, 0, 0, 1e-4, 0, 1e-4], (2, 1, 2, 1))
     points = np.array([[[near, far]], [[far + 0.01, np.full(3, np.nan)]]])
-    memory = (
+    memory = PairMemory(
         np.full((1, 2, 3), np.nan), np.full((1, 2, 6), np.nan), np.full((1, 2), -np.inf),
         np.zeros((1, 1)), np.full((1, 1), -np.inf),
     )  # fmt: skip
-    views = np.array([0.2]), np.array([2.0]), np.ones((1, 1))
+    labels = LabelModel(np.array([0.2]), np.array([2.0]), np.ones((1, 1)))
     out, time_s = np.empty((2, 1, 2, 2)), np.array([0.0, 0.03])
-    frames = points, covariance, np.zeros((2, 1, 1)), time_s
-    orientation.temporal_costs(*frames, memory, (np.ones(1), np.ones(1)), views, np.empty((2, 6)), out)
+    frames, speeds = PairFrames(points, covariance, np.zeros((2, 1, 1)), time_s), MotionSpeeds(np.ones(1), np.ones(1))
+    orientation.temporal_costs(frames, memory, speeds, labels, np.empty((2, 6)), out)
     assert out[1, 0, 0, 1] < -4.0
     assert out[1, 0, 0, 1] == out[1, 0, 1, 0]
 
@@ -122,10 +133,9 @@ def test_link_costs_match_the_reference(rng):
     def costs(together: float, likeness: float = 0.0) -> np.ndarray:
         out = np.empty((3, 1))
         one = np.ones(1)
-        orientation.link_costs(
-            points, odds, np.array([[0, 1]]), length * one, 0.02 * one, likeness * one, one, np.full((1, 1), together),
-            100.0, 1.0, out,
-        )  # fmt: skip
+        links = np.array([[0, 1]])
+        model = LinkModel(links, length * one, 0.02 * one, likeness * one, one, np.full((1, 1), together))
+        orientation.link_costs(points, odds, model, 100.0, 1.0, out)
         return out[:, 0]
 
     crossed = np.linalg.norm(hips[0] - knees[1])

@@ -9,6 +9,7 @@ from posefuse.kernels import status_codes
 from posefuse.kernels.cameras import points
 from posefuse.kernels.cameras.observation_rows import BLOCK
 from posefuse.kernels.linear_algebra import symmetric_3x3
+from posefuse.kernels.records import NoiseParameters, Observations, TriangulatedPoints
 from posefuse.kernels.triangulation.all_views import triangulate_views
 from posefuse.model.cameras import CameraRig
 from tests.kernels import from_python
@@ -36,26 +37,26 @@ def triangulate(
     """Run the kernel on pixels (frame, view, keypoint, 2)."""
     n, views, keypoints, _ = pixels.shape
     trust = np.full(pixels.shape[:-1], 0.8) if confidence is None else confidence
-    out = {
-        "points": np.empty((n, keypoints, 3)),
-        "covariance": np.empty((n, keypoints, 6)),
-        "status": np.empty((n, keypoints), dtype=np.int8),
-        "view_codes": np.empty((n, keypoints, views), dtype=np.int8),
-        "view_errors": np.empty((n, keypoints, views), dtype=np.float32),
-        "mean_errors": np.empty((n, keypoints)),
-    }
-    triangulate_views(
-        *rig.packed,
-        np.ascontiguousarray(pixels.reshape(-1, keypoints, 2)),
-        np.ascontiguousarray(trust.reshape(-1, keypoints)),
-        np.arange(n * views).reshape(n, views) if rows is None else rows,
-        np.full(views, scale_px),
-        exponent,
-        min_confidence,
-        min_views,
-        *out.values(),
+    out = TriangulatedPoints(
+        points=np.empty((n, keypoints, 3)),
+        covariance=np.empty((n, keypoints, 6)),
+        status=np.empty((n, keypoints), dtype=np.int8),
+        view_codes=np.empty((n, keypoints, views), dtype=np.int8),
+        view_errors_px=np.empty((n, keypoints, views), dtype=np.float32),
+        mean_errors_px=np.empty((n, keypoints)),
     )
-    return out
+    triangulate_views(
+        rig.packed,
+        Observations(
+            np.ascontiguousarray(pixels.reshape(-1, keypoints, 2)),
+            np.ascontiguousarray(trust.reshape(-1, keypoints)),
+            np.arange(n * views).reshape(n, views) if rows is None else rows,
+        ),
+        NoiseParameters(np.full(views, scale_px), exponent, min_confidence),
+        min_views,
+        out,
+    )
+    return out._asdict()
 
 
 def noisy(rig: CameraRig, points_m: np.ndarray, rng: np.random.Generator, sigma_px: float = 2.0) -> np.ndarray:
@@ -88,7 +89,7 @@ def test_noise_free_points_come_back_exactly(rng):
     truth = body_points(rng, 4, 9)
     out = triangulate(rig, noisy(rig, truth, rng, 0.0))
     np.testing.assert_allclose(out["points"], truth, atol=1e-7)
-    np.testing.assert_allclose(out["view_errors"], 0.0, atol=1e-4)
+    np.testing.assert_allclose(out["view_errors_px"], 0.0, atol=1e-4)
 
 
 def test_unused_lens_code_does_not_change_results(rng):
@@ -97,9 +98,9 @@ def test_unused_lens_code_does_not_change_results(rng):
     mixed = CameraRig((*rig.cameras, *(replace(ring(4, lens).cameras[0], name=lens) for lens in ("barrel", "fisheye"))))
     unseen = np.concatenate([pixels, np.full_like(pixels[:, :2], np.nan)], axis=1)
     alone, among = triangulate(rig, pixels), triangulate(mixed, unseen)
-    for name in ("points", "covariance", "status", "mean_errors"):
+    for name in ("points", "covariance", "status", "mean_errors_px"):
         np.testing.assert_array_equal(alone[name], among[name])
-    np.testing.assert_array_equal(alone["view_errors"], among["view_errors"][..., :4])
+    np.testing.assert_array_equal(alone["view_errors_px"], among["view_errors_px"][..., :4])
 
 
 def test_view_errors_are_true_pixel_distances(rng):
@@ -109,7 +110,7 @@ def test_view_errors_are_true_pixel_distances(rng):
     out = triangulate(rig, pixels)
     projected = np.moveaxis(rig.project(out["points"]), 0, 1)
     expected = np.linalg.norm(projected - pixels, axis=-1)
-    np.testing.assert_allclose(np.moveaxis(out["view_errors"], -1, 1), expected, rtol=1e-5)
+    np.testing.assert_allclose(np.moveaxis(out["view_errors_px"], -1, 1), expected, rtol=1e-5)
 
 
 @pytest.mark.parametrize("n", [1, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK + 5])
@@ -146,7 +147,7 @@ class TestStatus:
         assert out["status"][0].tolist() == expected
         assert np.isnan(out["points"][0, :3]).all()
         assert np.isnan(out["covariance"][0, :3]).all()
-        assert np.isnan(out["view_errors"][0, :3]).all()
+        assert np.isnan(out["view_errors_px"][0, :3]).all()
         assert out["view_codes"][0, 0].tolist() == [status_codes.VIEW_NOT_USED] + [status_codes.VIEW_UNSEEN] * 4
 
     def test_two_views_have_their_own_status(self, scene):
@@ -166,7 +167,7 @@ class TestStatus:
         without[0, 3, 0] = np.nan
         np.testing.assert_allclose(out["points"], triangulate(rig, without)["points"], atol=1e-12)
         assert out["view_codes"][0, 0, 3] == status_codes.VIEW_LOW_CONFIDENCE
-        assert out["view_errors"][0, 0, 3] == pytest.approx(141.4, abs=10)
+        assert out["view_errors_px"][0, 0, 3] == pytest.approx(141.4, abs=10)
 
     def test_unknown_confidence_counts_as_full(self, scene):
         rig, pixels = scene
@@ -223,8 +224,8 @@ class TestStatus:
         assert out["status"][0, 0] == status_codes.POINT_OK
         assert np.isnan(rig.project(out["points"])).any()
         assert (out["view_codes"] == status_codes.VIEW_USED).all()
-        assert np.isfinite(out["view_errors"]).all()
-        assert np.isfinite(out["mean_errors"]).all()
+        assert np.isfinite(out["view_errors_px"]).all()
+        assert np.isfinite(out["mean_errors_px"]).all()
 
     def test_confidence_zero_is_not_used(self, scene):
         rig, pixels = scene

@@ -38,7 +38,7 @@ def test_rays_of_a_point_meet_there(rng):
     directions = np.stack(
         [camera.rays(camera.project(truth)[0])[0] @ camera.rotation for camera in rig.cameras], axis=1
     )
-    origins = np.stack([camera.centre_m for camera in rig.cameras])
+    origins = np.stack([camera.center_m for camera in rig.cameras])
     weights = np.ones((30, 4))
     directions[0, 2] = np.nan
     weights[1, 0] = 0.0

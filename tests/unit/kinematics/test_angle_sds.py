@@ -31,7 +31,7 @@ def some_pose(tree: Tree, rng: np.random.Generator) -> tuple[np.ndarray, np.ndar
     return turns[None], bones[None]
 
 
-def drawn(tree: Tree, turns: np.ndarray, bones: np.ndarray, covariance: np.ndarray, rng: np.random.Generator):
+def sample_poses(tree: Tree, turns: np.ndarray, bones: np.ndarray, covariance: np.ndarray, rng: np.random.Generator):
     """Return poses sampled from the covariance."""
     errors = rng.multivariate_normal(np.zeros(len(covariance)), covariance, DRAWS)[:, 3:]
     n = 3 * len(tree.segments)
@@ -59,15 +59,15 @@ def test_sampled_poses_have_the_predicted_spread(tree, seed):
     rng = np.random.default_rng(seed)
     turns, bones = some_pose(tree, rng)
     covariance = some_covariance(tree, rng)
-    said = joint_angle_sds(tree, turns, bones, covariance[None])[0]
-    many = drawn(tree, turns, bones, covariance, rng)
+    messages = joint_angle_sds(tree, turns, bones, covariance[None])[0]
+    many = sample_poses(tree, turns, bones, covariance, rng)
     angles = joint_angles(tree, many[0], many[1][..., 2])[1]
-    known = np.isfinite(said) & np.isfinite(angles).all(axis=0) & (said < 5.0)
-    assert known.sum() > 0.7 * len(said)
-    np.testing.assert_allclose(said[known], spread_of(angles[:, known]), rtol=0.05)
+    reference = np.isfinite(messages) & np.isfinite(angles).all(axis=0) & (messages < 5.0)
+    assert reference.sum() > 0.7 * len(messages)
+    np.testing.assert_allclose(messages[reference], spread_of(angles[:, reference]), rtol=0.05)
 
 
-def test_a_knee_by_hand():
+def test_knee_angle_matches_hand_computed_value():
     """Errors of 3 and 4 degrees of thigh and shank in the plane of the knee add up to 5."""
     turns, bones = np.tile(np.eye(3), (1, len(BODY.segments), 1, 1)), np.empty((1, len(BODY.bones), 3, 3))
     bones[:] = np.diag([1.0, -1.0, -1.0])
@@ -113,7 +113,7 @@ def test_sds_grow_with_errors_and_do_not_depend_on_the_world(rng):
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_a_part_on_a_forearm(seed):
+def test_angles_of_a_part_on_a_forearm(seed):
     rng = np.random.default_rng(seed)
     turns, bones = some_pose(BODY, rng)
     elbow, wrist = (BODY.bones.index(f"left_{name}") for name in ("elbow", "wrist"))
@@ -124,14 +124,14 @@ def test_a_part_on_a_forearm(seed):
     palm = palm if abs(palm[1, 2]) < 0.8 else palm.T
     own_deg2 = axes_covariance(BODY, at, turns, bones, covariance[None])
     own = axes_at(BODY, BODY.nodes[at], turns, full_rotations(BODY, turns, bones[..., 2])[0])
-    said = relative_angle_sds(own, own_deg2, palm[None], palm_covariance[None])[0]
-    many = drawn(BODY, turns, bones, covariance, rng)
+    messages = relative_angle_sds(own, own_deg2, palm[None], palm_covariance[None])[0]
+    many = sample_poses(BODY, turns, bones, covariance, rng)
     axes = axes_at(BODY, BODY.nodes[at], many[0], full_rotations(BODY, many[0], many[1][..., 2])[0])
     palms = palm @ Rotation.from_rotvec(rng.multivariate_normal(np.zeros(3), palm_covariance, DRAWS)).as_matrix()
-    np.testing.assert_allclose(said, spread_of(relative_angles(axes, palms)), rtol=0.1)
+    np.testing.assert_allclose(messages, spread_of(relative_angles(axes, palms)), rtol=0.1)
 
 
-def test_a_hand_has_an_sd_for_each_angle(rng):
+def test_hand_has_an_sd_for_each_angle(rng):
     turns, bones = some_pose(HAND, rng)
     names, angles = joint_angles(HAND, turns, bones[..., 2])
     sds = joint_angle_sds(HAND, turns, bones, some_covariance(HAND, rng)[None])

@@ -18,26 +18,26 @@ def standing(frames: int) -> tuple[np.ndarray, np.ndarray]:
     return turns, np.tile(TREE.rest, (frames, 1, 1))
 
 
-def test_a_bent_limb_that_keeps_its_plane_is_as_every_frame_shows_it():
+def test_bent_limb_in_a_constant_plane_has_the_twist_of_single_frames():
     turns, ways = standing(50)
     ways[:, FOREARM] = [np.sin(1.2), 0.0, -np.cos(1.2)]
-    found = smooth_rotations(TREE, turns, ways, STEP_S)
+    actual = smooth_rotations(TREE, turns, ways, STEP_S)
     expected, _ = full_rotations(TREE, turns, ways)
-    np.testing.assert_allclose(found[:, ARM], expected[:, ARM], atol=1e-12)
-    np.testing.assert_allclose(found[:, FOREARM], expected[:, FOREARM], atol=1e-12)
+    np.testing.assert_allclose(actual[:, ARM], expected[:, ARM], atol=1e-12)
+    np.testing.assert_allclose(actual[:, FOREARM], expected[:, FOREARM], atol=1e-12)
 
 
-def test_third_axes_are_the_bones():
+def test_third_axes_are_along_the_bones():
     rng = np.random.default_rng(1)
     turns, ways = standing(20)
     ways = rng.standard_normal(ways.shape)
     ways /= np.linalg.norm(ways, axis=-1, keepdims=True)
-    found = smooth_rotations(TREE, turns, ways, STEP_S)
-    np.testing.assert_allclose(found[..., 2], ways, atol=1e-12)
-    np.testing.assert_allclose(np.linalg.det(found), 1.0, atol=1e-12)
+    actual = smooth_rotations(TREE, turns, ways, STEP_S)
+    np.testing.assert_allclose(actual[..., 2], ways, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(actual), 1.0, atol=1e-12)
 
 
-def test_a_limb_that_stretches_and_bends_in_another_plane_turns_slowly():
+def test_straightened_limb_changes_its_bending_plane_smoothly():
     frames = 60
     turns, ways = standing(frames)
     bend = np.radians(60.0) * np.abs(np.cos(np.linspace(0.0, np.pi, frames)))
@@ -54,7 +54,7 @@ def test_a_limb_that_stretches_and_bends_in_another_plane_turns_slowly():
 
 
 @pytest.mark.parametrize("name", ["coco_17", "fly_38"])
-def test_frames_beyond_the_reach_have_no_influence(name):
+def test_distant_frames_have_no_influence(name):
     tree = shipped_skeleton(name).tree
     rng = np.random.default_rng(2)
     reach = reach_frames(tree, 0.1)
@@ -67,11 +67,11 @@ def test_frames_beyond_the_reach_have_no_influence(name):
     np.testing.assert_allclose(cut[reach], whole[5 + reach], atol=1e-12)
 
 
-def test_frames_without_a_body_count_for_nothing():
+def test_frames_without_a_body_have_no_influence():
     turns, ways = standing(40)
     ways[:, FOREARM] = [np.sin(1.0), 0.0, -np.cos(1.0)]
     expected = smooth_rotations(TREE, turns, ways, STEP_S)
     turns[15:20], ways[15:20] = np.nan, np.nan
-    found = smooth_rotations(TREE, turns, ways, STEP_S)
-    assert np.isnan(found[15:20]).all()
-    np.testing.assert_allclose(np.delete(found, range(15, 20), 0), np.delete(expected, range(15, 20), 0), atol=1e-12)
+    actual = smooth_rotations(TREE, turns, ways, STEP_S)
+    assert np.isnan(actual[15:20]).all()
+    np.testing.assert_allclose(np.delete(actual, range(15, 20), 0), np.delete(expected, range(15, 20), 0), atol=1e-12)

@@ -33,14 +33,14 @@ def down_and(forward: float, left: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("tree", [BODY, FEET])
-def test_standing_straight_is_zero(tree):
+def test_standing_pose_has_zero_angles(tree):
     angles = posed(tree, *standing(tree))
     assert all(abs(v) < 1e-9 for k, v in angles.items() if not k.endswith(".rotation"))
     assert all(np.isnan(v) for k, v in angles.items() if k.endswith(".rotation"))
 
 
 @pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
-def test_limbs_by_hand(side, sign):
+def test_limb_angles_match_hand_computed_values(side, sign):
     turns, directions = standing(BODY)
     directions[BODY.bones.index(f"{side}_knee")] = down_and(30.0, sign * 10.0)
     directions[BODY.bones.index(f"{side}_elbow")] = down_and(-20.0, sign * 40.0)
@@ -51,11 +51,11 @@ def test_limbs_by_hand(side, sign):
     assert angles[f"{side}_shoulder.abduction"] == pytest.approx(40.0)
 
 
-@pytest.mark.parametrize(("end", "joint", "backwards"), [("ankle", "knee", True), ("wrist", "elbow", False)])
+@pytest.mark.parametrize(("end", "joint", "backward"), [("ankle", "knee", True), ("wrist", "elbow", False)])
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_bending_in_the_standing_plane_is_no_twist(end, joint, backwards, side):
+def test_bending_in_the_sagittal_plane_is_not_twist(end, joint, backward, side):
     turns, directions = standing(BODY)
-    directions[BODY.bones.index(f"{side}_{end}")] = down_and(-70.0 if backwards else 70.0, 0.0)
+    directions[BODY.bones.index(f"{side}_{end}")] = down_and(-70.0 if backward else 70.0, 0.0)
     angles = posed(BODY, turns, directions)
     assert angles[f"{side}_{joint}.flexion"] == pytest.approx(70.0)
     assert angles[f"{side}_{'hip' if joint == 'knee' else 'shoulder'}.rotation"] == pytest.approx(0.0, abs=1e-9)
@@ -65,30 +65,30 @@ def test_bending_in_the_standing_plane_is_no_twist(end, joint, backwards, side):
 
 
 @pytest.mark.parametrize(("side", "inwards"), [("left", -1.0), ("right", 1.0)])
-def test_a_forearm_across_the_belly_is_turned_inwards(side, inwards):
+def test_forearm_across_the_belly_is_internal_rotation(side, inwards):
     turns, directions = standing(BODY)
     directions[BODY.bones.index(f"{side}_wrist")] = inwards * LEFT
     assert posed(BODY, turns, directions)[f"{side}_shoulder.rotation"] == pytest.approx(90.0)
 
 
 @pytest.mark.parametrize("angles", [(40.0, 0.0, 0.0), (0.0, 25.0, 0.0), (0.0, 0.0, -30.0), (20.0, 10.0, 5.0)])
-def test_segments_by_hand(angles):
+def test_segment_angles_match_hand_computed_values(angles):
     turns, directions = standing(BODY)
     bend, lean, turn = angles
     turns[1] = turns[2] = Rotation.from_euler("YXZ", [bend, lean, turn], degrees=True).as_matrix()
-    found = posed(BODY, turns, directions)
-    assert [found[f"thorax.{name}"] for name in ("bend", "lean", "turn")] == pytest.approx([bend, lean, turn])
-    assert [found[f"head.{name}"] for name in ("bend", "lean", "turn")] == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
+    actual = posed(BODY, turns, directions)
+    assert [actual[f"thorax.{name}"] for name in ("bend", "lean", "turn")] == pytest.approx([bend, lean, turn])
+    assert [actual[f"head.{name}"] for name in ("bend", "lean", "turn")] == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
 
 
-def test_the_pelvis_in_the_world():
+def test_pelvis_angles_in_the_world():
     turns, directions = standing(BODY)
     turns[0] = Rotation.from_euler("ZYX", [120.0, 15.0, -8.0], degrees=True).as_matrix()
-    found = posed(BODY, turns, directions)
-    assert [found[f"mid_hip.{name}"] for name in ("heading", "tilt", "list")] == pytest.approx([120.0, 15.0, -8.0])
+    actual = posed(BODY, turns, directions)
+    assert [actual[f"mid_hip.{name}"] for name in ("heading", "tilt", "list")] == pytest.approx([120.0, 15.0, -8.0])
 
 
-def test_only_the_pelvis_changes_with_the_world(rng):
+def test_only_pelvis_angles_depend_on_the_world(rng):
     turns = Rotation.random(len(FEET.segments), rng=rng).as_matrix()
     directions = rng.normal(size=(len(FEET.bones), 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
@@ -99,7 +99,7 @@ def test_only_the_pelvis_changes_with_the_world(rng):
     np.testing.assert_allclose(turned[inner], angles[inner], atol=1e-7)
 
 
-def test_rotations_are_rotations_along_their_bones(rng):
+def test_axial_rotations_are_about_the_bones(rng):
     turns = Rotation.random(50 * len(FEET.segments), rng=rng).as_matrix().reshape(50, -1, 3, 3)
     directions = rng.normal(size=(50, len(FEET.bones), 3))
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
@@ -111,7 +111,7 @@ def test_rotations_are_rotations_along_their_bones(rng):
     np.testing.assert_allclose(frames[..., 2], directions, atol=1e-9)
 
 
-def test_a_straight_limb_has_no_observed_twist_and_goes_over_without_a_jump():
+def test_straight_limb_has_no_observed_twist_and_no_jump():
     turns, directions = standing(BODY)
     bends = np.linspace(0.0, 30.0, 301)
     wrist = BODY.bones.index("left_wrist")
@@ -130,7 +130,7 @@ def test_missing_people_have_no_angles():
     assert np.isnan(angles).all()
 
 
-def test_a_body_of_bones_alone_has_the_angles_between_them():
+def test_body_without_segments_has_angles_between_bones():
     tree = spanning_tree(
         ["tail", "back", "neck", "nose"], np.array([[0, 1], [1, 2], [2, 3]]), np.full(3, 0.1), 0.1, 0.3, np.arange(4)
     )
@@ -140,18 +140,18 @@ def test_a_body_of_bones_alone_has_the_angles_between_them():
     assert dict(zip(names, angles, strict=True)) == pytest.approx({"back-neck.flexion": 53.1301, "neck.flexion": 90.0})
 
 
-def test_a_knuckle_does_not_flip_where_its_finger_points_back():
+def test_knuckle_angle_is_continuous_for_a_finger_that_points_back():
     """The plane in which a finger bends defines its twist."""
     tree = shipped_skeleton("coco_wholebody_133").parts[0].tree
     turns, directions = standing(tree)
     second, third = (tree.bones.index(f"left_index_finger_{i}") for i in (2, 3))
-    found = []
+    actual = []
     for twist in np.arange(-170.0, 171.0, 10.0):
         bent = Rotation.from_rotvec(np.radians(twist) * tree.rest[second]).as_matrix()
         curled = Rotation.from_euler("y", -60.0, degrees=True).as_matrix() @ tree.rest[second]
         directions[third] = bent @ curled
         angles = posed(tree, turns, directions)
         name = next(name for name in angles if name.startswith("left_index_finger_1") and name.endswith(".rotation"))
-        found.append(angles[name])
-    steps = (np.diff(found) + 180.0) % 360.0 - 180.0
+        actual.append(angles[name])
+    steps = (np.diff(actual) + 180.0) % 360.0 - 180.0
     np.testing.assert_allclose(np.abs(steps), 10.0, atol=1e-6)

@@ -24,7 +24,7 @@ def angles(points):
     return dict(zip(names, np.moveaxis(degrees, -1, 0), strict=True))
 
 
-def test_a_knee_by_hand(points):
+def test_knee_angle_matches_hand_computed_value(points):
     skeleton = find_skeleton("halpe_26")
     hip, knee, ankle = (points[:, 0, skeleton.index(f"left_{name}")] for name in ("hip", "knee", "ankle"))
     thigh, shank = knee - hip, ankle - knee
@@ -32,7 +32,7 @@ def test_a_knee_by_hand(points):
     np.testing.assert_allclose(angles(points)["left_knee.flexion"][:, 0], np.degrees(np.arccos(cosine)), atol=1e-6)
 
 
-def test_turned_about_up_only_the_heading_changes(points):
+def test_rotation_about_the_up_axis_changes_only_the_heading(points):
     turn = Rotation.from_euler("z", 40, degrees=True).as_matrix()
     before, after = angles(points), angles(points @ turn.T)
     for name, values in before.items():
@@ -45,10 +45,10 @@ def test_unseen_points_give_no_pose(points):
     skeleton = find_skeleton("halpe_26")
     holed = points.copy()
     holed[:, :, skeleton.index("left_knee")] = np.nan
-    found = angles(holed)
-    assert np.isnan(found["left_knee.flexion"]).all()
-    assert np.isnan(found["left_hip.flexion"]).all()
-    assert np.isfinite(found["right_knee.flexion"]).all()
+    actual = angles(holed)
+    assert np.isnan(actual["left_knee.flexion"]).all()
+    assert np.isnan(actual["left_hip.flexion"]).all()
+    assert np.isfinite(actual["right_knee.flexion"]).all()
 
 
 def test_pose_of_points_recovers_a_known_pose(points):

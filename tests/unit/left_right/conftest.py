@@ -53,8 +53,8 @@ def simulate_walk(
     truth = HumanMotion.random(("walk",), rng).positions(figure, times)[:, figure.columns(keypoints)]
     rig = build_rig("ring", cameras, radius_m=4.5, focal_px=1500.0)
     errors = DetectorOptions("gaussian", 5.0, 0.0, (0.0, 0.0), missing, share, 0.0, law)
-    seen = np.repeat(truth[:, None], cameras, axis=1)
-    detections = detect(rig, seen, keypoints, RATE_HZ, errors, rng)
+    observed = np.repeat(truth[:, None], cameras, axis=1)
+    detections = detect(rig, observed, keypoints, RATE_HZ, errors, rng)
     columns = keypoints.pair_indices
     pixels = np.moveaxis(rig.project(truth), 0, 1)
     off = np.linalg.norm(detections.dense()[0][:, :, columns] - pixels[:, :, columns][..., ::-1, :], axis=-1).sum(-1)
@@ -62,32 +62,32 @@ def simulate_walk(
     pairs = simulate_pairs(rig, truth, detections, 5.0, rng)
     midline = truth[:, None] + 0.01 * rng.standard_normal(truth[:, None].shape)
     confidence = np.full((len(times), 1, len(columns), cameras, 2), 0.8)
-    given = PairSequence(pairs, keypoints, rig, times, confidence, midline)
-    return Scene(given, truth[:, columns], off < as_is)
+    sequence = PairSequence(pairs, keypoints, rig, times, confidence, midline)
+    return Scene(sequence, truth[:, columns], off < as_is)
 
 
-def assign(given: PairSequence, method: str = "chains", **options: object) -> SideAssignment:
+def assign(sequence: PairSequence, method: str = "chains", **options: object) -> SideAssignment:
     """Assign left and right by one method."""
-    return assign_sides(given, method, SideOptions(**options))  # type: ignore[arg-type]
+    return assign_sides(sequence, method, SideOptions(**options))  # type: ignore[arg-type]
 
 
-def replace_pairs(given: PairSequence, **arrays: np.ndarray) -> PairSequence:
+def replace_pairs(sequence: PairSequence, **arrays: np.ndarray) -> PairSequence:
     """Replace arrays of the solved pairs."""
-    return replace(given, pairs=replace(given.pairs, **arrays))
+    return replace(sequence, pairs=replace(sequence.pairs, **arrays))
 
 
-def exchange_points(given: PairSequence, which: np.ndarray) -> PairSequence:
+def exchange_points(sequence: PairSequence, which: np.ndarray) -> PairSequence:
     """Exchange the two points of some pairs (frame, pair)."""
     order = SideAssignment(which[:, None], np.zeros((len(which), 1, 0, 0), np.int8), ())
-    return replace(given, pairs=order.applied(given.pairs))
+    return replace(sequence, pairs=order.applied(sequence.pairs))
 
 
-def select_frame(given: PairSequence, t: int) -> PairSequence:
+def select_frame(sequence: PairSequence, t: int) -> PairSequence:
     """Return one frame."""
     now = slice(t, t + 1)
-    pairs = SolvedPairs(*(getattr(given.pairs, field.name)[now] for field in fields(SolvedPairs)))
-    midline = None if given.midline_m is None else given.midline_m[now]
-    return replace(given, pairs=pairs, time_s=given.time_s[now], midline_m=midline, confidence=None)
+    pairs = SolvedPairs(*(getattr(sequence.pairs, field.name)[now] for field in fields(SolvedPairs)))
+    midline = None if sequence.midline_m is None else sequence.midline_m[now]
+    return replace(sequence, pairs=pairs, time_s=sequence.time_s[now], midline_m=midline, confidence=None)
 
 
 @pytest.fixture(scope="module")

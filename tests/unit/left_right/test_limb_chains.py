@@ -35,7 +35,7 @@ class TestChains:
         sides = assign(data.given)
         assert not sides.flipped.any()
         assert (sides.chain_swapped[..., 1:] <= 0).all()
-        # Eyes that a view sees one above the other are swapped by the noise itself.
+        # Noise alone swaps eyes that are above each other in a view.
         assert (sides.chain_swapped[..., 0] == 1).mean() < 0.01
 
     def test_no_flips_of_single_frames(self):
@@ -48,10 +48,10 @@ class TestChains:
         assert sides.chains == ("face", "arm", "leg")
         for chain, first in (("arm", "left_shoulder"), ("leg", "left_hip")):
             pair = [left for left, _ in swapped.given.skeleton.pairs].index(first)
-            found = sides.chain_swapped[:, 0, :, sides.chains.index(chain)]
-            known = found >= 0
-            assert known.mean() > 0.95
-            assert ((found == 1) == swapped.swapped[:, :, pair])[known].mean() > 0.98
+            actual = sides.chain_swapped[:, 0, :, sides.chains.index(chain)]
+            reference = actual >= 0
+            assert reference.mean() > 0.95
+            assert ((actual == 1) == swapped.swapped[:, :, pair])[reference].mean() > 0.98
 
     def test_result_is_independent_of_the_order_of_points(self, swapped, rng):
         which = rng.random((swapped.given.n_frames, 8)) < 0.3
@@ -61,12 +61,12 @@ class TestChains:
 
     def test_result_is_independent_of_the_order_of_views(self, swapped):
         order = np.array([3, 0, 4, 2, 1])
-        given, pairs = swapped.given, swapped.given.pairs
+        sequence, pairs = swapped.given, swapped.given.pairs
         other = replace_pairs(
-            replace(given, rig=given.rig.select([given.rig.names[v] for v in order])),
+            replace(sequence, rig=sequence.rig.select([sequence.rig.names[v] for v in order])),
             used=pairs.used[:, :, order], evidence=pairs.evidence[..., order],
         )  # fmt: skip
-        one, two = assign(given), assign(other)
+        one, two = assign(sequence), assign(other)
         np.testing.assert_array_equal(one.flipped, two.flipped)
         np.testing.assert_array_equal(one.chain_swapped[:, :, order], two.chain_swapped)
 
@@ -82,23 +82,23 @@ class TestChains:
         np.testing.assert_array_equal(assign(swapped.given).flipped, assign(moved).flipped)
 
     def test_result_is_independent_of_the_scale(self, swapped):
-        given, pairs = swapped.given, swapped.given.pairs
+        sequence, pairs = swapped.given, swapped.given.pairs
         small = replace_pairs(
-            replace(given, midline_m=0.05 * given.midline_m),
+            replace(sequence, midline_m=0.05 * sequence.midline_m),
             points_m=0.05 * pairs.points_m, covariance_m2=0.05**2 * pairs.covariance_m2,
         )  # fmt: skip
-        assert (assign(given).flipped == assign(small).flipped).mean() > 0.999
+        assert (assign(sequence).flipped == assign(small).flipped).mean() > 0.999
 
     def test_swapping_all_labels_mirrors_the_person(self, swapped):
         """Without the nose, only labels distinguish the two mirror images."""
-        given = replace(swapped.given, midline_m=None)
-        mirrored = replace_pairs(given, evidence=-given.pairs.evidence)
-        np.testing.assert_array_equal(assign(given).flipped, ~assign(mirrored).flipped)
+        sequence = replace(swapped.given, midline_m=None)
+        mirrored = replace_pairs(sequence, evidence=-sequence.pairs.evidence)
+        np.testing.assert_array_equal(assign(sequence).flipped, ~assign(mirrored).flipped)
 
     def test_nose_decides_without_labels(self, swapped):
-        given = replace_pairs(swapped.given, evidence=np.zeros_like(swapped.given.pairs.evidence))
-        trunk = [[left for left, _ in given.skeleton.pairs].index(f"left_{name}") for name in ("shoulder", "hip")]
-        assert swapped.wrong(assign(given))[:, trunk].mean() == 0.0
+        sequence = replace_pairs(swapped.given, evidence=np.zeros_like(swapped.given.pairs.evidence))
+        trunk = [[left for left, _ in sequence.skeleton.pairs].index(f"left_{name}") for name in ("shoulder", "hip")]
+        assert swapped.wrong(assign(sequence))[:, trunk].mean() == 0.0
 
     def test_result_is_deterministic(self, swapped):
         one, other = assign(swapped.given), assign(swapped.given)
@@ -116,8 +116,8 @@ class TestChains:
             )
         )
         midline = np.concatenate([first.given.midline_m, second.given.midline_m], axis=1)
-        given = replace(first.given, pairs=both, midline_m=midline, confidence=None, n_people=2)
-        together = assign(given)
+        sequence = replace(first.given, pairs=both, midline_m=midline, confidence=None, n_people=2)
+        together = assign(sequence)
         for person, alone in enumerate((first, second)):
             sides = assign(alone.given)
             np.testing.assert_array_equal(together.flipped[:, person], sides.flipped[:, 0])
@@ -139,11 +139,11 @@ class TestMissing:
 
     def test_single_points_are_assigned(self, rng):
         data = simulate_walk()
-        given = self.without_points(data, rng.random((data.given.n_frames, 8, 2)) < 0.15)
-        points = np.isfinite(given.pairs.points_m).all(axis=-1)
-        sides = assign(given)
+        sequence = self.without_points(data, rng.random((data.given.n_frames, 8, 2)) < 0.15)
+        points = np.isfinite(sequence.pairs.points_m).all(axis=-1)
+        sides = assign(sequence)
         assert data.wrong(sides)[points.all(axis=-1)].mean() < 0.01
-        ordered = sides.applied(given.pairs).points_m
+        ordered = sides.applied(sequence.pairs).points_m
         own = np.linalg.norm(ordered - data.truth_m, axis=-1)
         other = np.linalg.norm(ordered - data.truth_m[:, :, ::-1], axis=-1)
         alone = np.isfinite(own) & (points.sum(axis=-1) == 1)[..., None]
@@ -153,9 +153,9 @@ class TestMissing:
         data = simulate_walk()
         which = np.zeros((data.given.n_frames, 8, 2), dtype=bool)
         which[40:70] = True
-        given = self.without_points(data, which)
-        there = ~which.any(axis=(1, 2))
-        assert data.wrong(assign(given))[there].mean() == 0.0
+        sequence = self.without_points(data, which)
+        present = ~which.any(axis=(1, 2))
+        assert data.wrong(assign(sequence))[present].mean() == 0.0
 
     def test_intermittent_views(self, rng):
         data = simulate_walk(missing=0.3)
@@ -166,30 +166,30 @@ class TestMissing:
     def test_few_frames(self, swapped, frames, method):
         few = swapped.given
         pairs = SolvedPairs(*(getattr(few.pairs, field.name)[:frames] for field in fields(SolvedPairs)))
-        given = replace(
+        sequence = replace(
             few, pairs=pairs, time_s=few.time_s[:frames], confidence=few.confidence[:frames],
             midline_m=few.midline_m[:frames],
         )  # fmt: skip
-        assert assign(given, method).flipped.shape == (frames, 1, 8)
+        assert assign(sequence, method).flipped.shape == (frames, 1, 8)
 
     @pytest.mark.parametrize("method", ["chains", "votes", "plane"])
     def test_no_points(self, swapped, method):
-        given = self.without_points(swapped, np.ones((swapped.given.n_frames, 8, 2), dtype=bool))
-        given = replace(given, midline_m=None)
-        sides = assign(given, method)
+        sequence = self.without_points(swapped, np.ones((swapped.given.n_frames, 8, 2), dtype=bool))
+        sequence = replace(sequence, midline_m=None)
+        sides = assign(sequence, method)
         assert not sides.flipped.any()
         assert (sides.chain_swapped == -1).all()
 
     def test_skeleton_without_chains_or_bones(self, swapped):
         bare = Skeleton("bare", swapped.given.skeleton.keypoints, pairs=swapped.given.skeleton.pairs)
-        given = replace(swapped.given, skeleton=bare)
-        sides = assign(given)
+        sequence = replace(swapped.given, skeleton=bare)
+        sides = assign(sequence)
         assert len(sides.chains) == 8
         assert swapped.wrong(sides).mean() < 0.01
 
     def test_skeleton_without_pairs(self, swapped):
         lone = Skeleton("lone", ("head", "tail"))
         none = {f.name: getattr(swapped.given.pairs, f.name)[:, :0] for f in fields(SolvedPairs)}
-        given = replace(swapped.given, skeleton=lone, pairs=SolvedPairs(**none), midline_m=None, confidence=None)
+        sequence = replace(swapped.given, skeleton=lone, pairs=SolvedPairs(**none), midline_m=None, confidence=None)
         for method in ("chains", "votes", "plane"):
-            assert assign(given, method).flipped.shape == (swapped.given.n_frames, 1, 0)
+            assert assign(sequence, method).flipped.shape == (swapped.given.n_frames, 1, 0)

@@ -60,33 +60,33 @@ def test_exchanging_labels_twice_restores_them(scene, rng):
     expected = np.zeros_like(changed)
     for p, pair in enumerate(pairs):
         expected[:, pair] = flags[:, 0, p].reshape(-1, 1)
-    seen = np.isfinite(np.asarray(detections.keypoints_px)[..., 0])
+    visible = np.isfinite(np.asarray(detections.keypoints_px)[..., 0])
     assert not (changed & ~expected).any()
-    assert (changed | ~(expected & seen)).all()
+    assert (changed | ~(expected & visible)).all()
 
 
 def test_points_are_unchanged_without_swaps(scene):
-    ours = posefuse.reconstruct(scene.rig, scene.detections, NOISE)
+    actual = posefuse.reconstruct(scene.rig, scene.detections, NOISE)
     as_labeled = posefuse.reconstruct(scene.rig, scene.detections, replace(NOISE, pairs="labels"))
-    np.testing.assert_array_equal(measured(ours), measured(as_labeled))
-    assert ours.swaps is not None
+    np.testing.assert_array_equal(measured(actual), measured(as_labeled))
+    assert actual.swaps is not None
     assert as_labeled.swaps is None
-    assert not (np.asarray(ours.swaps.state) == SwapState.SWAPPED).any()
+    assert not (np.asarray(actual.swaps.state) == SwapState.SWAPPED).any()
 
 
 @pytest.mark.parametrize("chain", ["leg", "arm"])
 def test_swapped_limb_is_corrected(chain, scene):
     swapped = exchange(scene.detections, 1, chain, 40, 70)
-    ours = posefuse.reconstruct(scene.rig, swapped, NOISE)
+    actual = posefuse.reconstruct(scene.rig, swapped, NOISE)
     undisturbed = posefuse.reconstruct(scene.rig, scene.detections, replace(NOISE, pairs="labels"))
-    moved = np.linalg.norm(measured(ours) - measured(undisturbed), axis=-1)
+    moved = np.linalg.norm(measured(actual) - measured(undisturbed), axis=-1)
     assert np.nanpercentile(moved, 99) < 1e-9
-    assert ours.swaps is not None
-    state = np.asarray(ours.swaps.state)[:, 0, 1, ours.swaps.chains.index(chain)]
+    assert actual.swaps is not None
+    state = np.asarray(actual.swaps.state)[:, 0, 1, actual.swaps.chains.index(chain)]
     assert (state[41:69] == SwapState.SWAPPED).mean() > 0.9
     assert not (state[:38] == SwapState.SWAPPED).any()
     assert not (state[72:] == SwapState.SWAPPED).any()
-    status = np.asarray(ours.layers["measured"].view_status)[45:65, 0, :, 1]
+    status = np.asarray(actual.layers["measured"].view_status)[45:65, 0, :, 1]
     columns = [
         scene.detections.skeleton.index(name) for pair in scene.detections.skeleton.chains[chain] for name in pair
     ]
@@ -121,7 +121,7 @@ def test_evidence_is_positive_for_swapped_labels(scene):
     arms = [pair in swapped.skeleton.chains["arm"] for pair in swapped.skeleton.pairs]
     assert (evidence[:, arms, 1] > 0.0).mean() > 0.9
     assert (evidence[:, :, [0, 2, 3]] < 0.0).mean() > 0.9
-    # Tails: however wrong, an observation is not the evidence of hundreds.
+    # Heavy tails limit the evidence of a single outlier.
     assert np.abs(evidence).max() < 100.0
 
 
@@ -152,10 +152,10 @@ def test_default_pair_solver_depends_on_the_method(method, pairs, scene):
     assert prepare(scene.rig, scene.detections, options, Silent()).options.pairs == pairs
 
 
-@pytest.mark.parametrize("given", [{"pairs": "sds"}, {"sides": "votes"}, {"sides": "plane", "up": "z"}])
-def test_all_combinations_run(given, scene):
+@pytest.mark.parametrize("choices", [{"pairs": "sds"}, {"sides": "votes"}, {"sides": "plane", "up": "z"}])
+def test_all_combinations_run(choices, scene):
     short = exchange(scene.detections, 1, "leg", 10, 20).frames(0, 30)
-    result = posefuse.reconstruct(scene.rig, short, replace(NOISE, **given))
+    result = posefuse.reconstruct(scene.rig, short, replace(NOISE, **choices))
     assert result.swaps is not None
     assert np.isfinite(measured(result)).mean() > 0.95
 
@@ -178,8 +178,8 @@ def test_unrelated_clocks_are_an_error(scene):
         posefuse.reconstruct(scene.rig, replace(scene.detections, time_s=times), NOISE)
 
 
-@pytest.mark.parametrize("given", [{"pairs": "sds"}, {"sides": "votes"}, {}])
-def test_recording_without_detections(given, scene):
+@pytest.mark.parametrize("choices", [{"pairs": "sds"}, {"sides": "votes"}, {}])
+def test_recording_without_detections(choices, scene):
     empty = replace(
         scene.detections,
         offsets=np.zeros_like(scene.detections.offsets),
@@ -187,7 +187,7 @@ def test_recording_without_detections(given, scene):
         confidence=np.empty((0, len(scene.detections.skeleton))),
         track_ids=np.empty(0, dtype=np.int64),
     )
-    result = posefuse.reconstruct(scene.rig, empty, replace(NOISE, **given))
+    result = posefuse.reconstruct(scene.rig, empty, replace(NOISE, **choices))
     assert np.isnan(measured(result)).all()
 
 

@@ -90,8 +90,8 @@ def test_selected_person_has_the_same_points(scene):
     whole, frames = as_labeled(scene, detections, tracks), np.array([3, 4, 25, 26, 90])
     everything = np.arange(len(detections.skeleton))
     for person in range(2):
-        mine, own = select_person(detections, tracks, person, frames)
-        assert_same(as_labeled(scene, mine, own), layer_part(whole, person, frames, everything))
+        first, own = select_person(detections, tracks, person, frames)
+        assert_same(as_labeled(scene, first, own), layer_part(whole, person, frames, everything))
         assert_same(
             replace_layer_parts(whole, [(person, frames, everything, layer_part(whole, person, frames, everything))]),
             whole,

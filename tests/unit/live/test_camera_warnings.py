@@ -1,4 +1,4 @@
-"""What is told of cameras while a stream runs: once when it goes wrong, once when it is over."""
+"""Warnings about cameras during a stream: once when a fault begins and once when it ends."""
 
 from posefuse.live.camera_warnings import CameraWarnings
 from posefuse.live.statistics import ViewCounts
@@ -6,7 +6,7 @@ from posefuse.live.statistics import ViewCounts
 GOOD = [False, False]
 
 
-def test_a_silent_camera_is_reported_once_and_when_it_returns():
+def test_silent_camera_is_reported_once_and_again_on_its_return():
     monitor, counts = CameraWarnings(["left", "right"]), [ViewCounts(), ViewCounts()]
 
     def second(*sends: bool) -> list[str]:
@@ -20,14 +20,14 @@ def test_a_silent_camera_is_reported_once_and_when_it_returns():
     assert second(True, False) == []
     assert second(True, True) == ["right sends again and is used."]
     assert second(True, True) == []
-    # With nobody there, the stream is over, or everybody takes a break.
+    # Without active cameras the stream has ended or is paused.
     assert second(False, False) == []
-    said = [sentence for _ in range(4) for sends in (False, True) for sentence in second(True, sends)]
-    assert len(said) == 3
-    assert said[-1].endswith("Further changes are only counted.")
+    messages = [sentence for _ in range(4) for sends in (False, True) for sentence in second(True, sends)]
+    assert len(messages) == 3
+    assert messages[-1].endswith("Further changes are only counted.")
 
 
-def test_a_wrong_clock_is_reported_as_early_or_late():
+def test_wrong_clock_is_reported_as_early_or_late():
     monitor, counts = CameraWarnings(["left", "right"]), [ViewCounts(), ViewCounts()]
     for count, used in ((counts[0], 25), (counts[1], 0)):
         count.received, count.used, count.early = 25, used, 25 - used
@@ -42,6 +42,6 @@ def test_a_wrong_clock_is_reported_as_early_or_late():
 
 def test_milliseconds_in_place_of_seconds_are_reported():
     monitor, counts = CameraWarnings(["left"]), [ViewCounts(received=1, used=1)]
-    said = [monitor.check(counts, [False], jumps) for jumps in (25, 50, 75)]
-    assert [len(each) for each in said] == [0, 1, 0]
-    assert "is it in milliseconds" in said[1][0]
+    messages = [monitor.check(counts, [False], jumps) for jumps in (25, 50, 75)]
+    assert [len(each) for each in messages] == [0, 1, 0]
+    assert "is it in milliseconds" in messages[1][0]

@@ -1,4 +1,4 @@
-"""Views become frames: by hand, and by law for any order, loss and delay. Nothing here looks at a clock."""
+"""Grouping of views into frames, for any order, loss and delay; no test depends on the clock."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from posefuse.live.grouping import Group, Grouper
 from posefuse.model.options.stream import StreamOptions
 from posefuse.model.view_message import ViewMessage
-from tests.laws import examples
+from tests.properties import examples
 
 OPTIONS = StreamOptions()
 PERIOD_S = 0.02
@@ -61,7 +61,7 @@ def test_complete_frames_are_closed_with_their_last_view():
             assert [each.view for each in group.views] == [0, 1, 2, 3]
 
 
-def test_a_frame_waits_for_max_wait_s_only():
+def test_frame_waits_for_max_wait_s_only():
     grouper = Grouper(3, OPTIONS)
     for camera in (0, 1):
         grouper.take(view(camera, 5.0), 100.0)
@@ -78,7 +78,7 @@ def test_a_frame_waits_for_max_wait_s_only():
     assert (grouper.counts[2].late, grouper.counts[0].duplicate) == (1, 1)
 
 
-def test_a_lost_view_does_not_delay_the_next_frame():
+def test_lost_view_does_not_delay_the_next_frame():
     grouper = Grouper(4, OPTIONS)
     messages = steady(2)
     del messages[2]
@@ -100,7 +100,7 @@ def test_views_in_any_order_within_the_wait_are_used():
     assert [count.out_of_order for count in grouper.counts] == [1, 0, 0, 0]
 
 
-def test_a_silent_camera_is_not_waited_for_until_it_returns():
+def test_frames_do_not_wait_for_a_silent_camera():
     messages = [each for each in steady(150) if not (each[1] == 2 and 0.5 <= each[2] < 2.0)]
     grouper = Grouper(4, OPTIONS)
     groups = feed(grouper, messages)
@@ -111,15 +111,15 @@ def test_a_silent_camera_is_not_waited_for_until_it_returns():
     assert grouper.counts[2].missing == 75
 
 
-def test_a_pause_of_all_cameras_makes_none_of_them_silent():
+def test_pause_of_all_cameras_makes_none_silent():
     grouper = Grouper(4, OPTIONS)
     groups = feed(grouper, [*steady(20), *steady(20, start_s=7.0)])
     assert len(groups) == 40
     assert all(group.complete for group in groups)
 
 
-def test_a_clock_that_is_ahead_delays_no_other_camera():
-    """By more than the wait, and less than what counts as a jump: its views still find their frames."""
+def test_clock_that_is_ahead_delays_no_other_camera():
+    """A clock that is ahead by more than the wait and less than a jump still matches its frames."""
     messages = [(now, v, t + 0.3 * (v == 1)) for now, v, t in steady(100)]
     grouper = Grouper(4, OPTIONS)
     groups = feed(grouper, messages)
@@ -129,7 +129,7 @@ def test_a_clock_that_is_ahead_delays_no_other_camera():
 
 
 @pytest.mark.parametrize(("hours", "counted"), [(1.0, "early"), (-1.0, "late")])
-def test_a_single_clock_that_jumps_is_ignored(hours: float, counted: str):
+def test_single_clock_that_jumps_is_ignored(hours: float, counted: str):
     messages = [(now, v, t + 3600.0 * hours * (v == 1 and t >= 1.0)) for now, v, t in steady(100)]
     grouper = Grouper(4, OPTIONS)
     groups = feed(grouper, messages)
@@ -141,7 +141,7 @@ def test_a_single_clock_that_jumps_is_ignored(hours: float, counted: str):
 
 @pytest.mark.parametrize("hours", [1.0, -1.0])
 @pytest.mark.parametrize("clock", ["arrival", "messages"])
-def test_the_stream_follows_when_most_clocks_jump(hours: float, clock: str):
+def test_stream_follows_a_jump_of_most_clocks(hours: float, clock: str):
     grouper = Grouper(4, replace(OPTIONS, clock=clock))
     groups = feed(grouper, [(now, v, t + 3600.0 * hours * (t >= 1.0)) for now, v, t in steady(100)])
     # By messages alone, an hour ahead is an hour gone by; else clocks were set.
@@ -171,7 +171,7 @@ def test_at_most_open_frames_wait():
     assert [group.reason for group in grouper.ready()] == ["crowded"] * 16
 
 
-def test_a_clock_that_is_ahead_does_not_crowd_out_other_frames():
+def test_clock_that_is_ahead_does_not_displace_other_frames():
     """What one camera alone has come to waits, so many frames of it that others' would have to go on unfinished."""
     rate_hz, ahead_s = 120.0, 0.6
     grouper = Grouper(4, OPTIONS)
@@ -183,7 +183,7 @@ def test_a_clock_that_is_ahead_does_not_crowd_out_other_frames():
 
 
 @pytest.mark.parametrize("error_s", [0.6, 5.0, 1e6])
-def test_a_wrong_clock_is_not_accepted_while_the_others_stall(error_s: float):
+def test_wrong_clock_is_not_accepted_while_the_others_stall(error_s: float):
     grouper = Grouper(4, OPTIONS)
     messages = [(now, v, t + error_s * (v == 0)) for now, v, t in steady(200) if v == 0 or not 2.0 <= t < 2.25]
     groups = feed(grouper, messages)
@@ -259,9 +259,9 @@ def test_every_view_is_in_one_frame_or_counted_once(stream, clock):
         assert count.used == sum(group.views[camera] is not None for group in groups)
         assert count.missing == len(groups) - count.used
     for group in groups:
-        there = [each for each in group.views if each is not None]
-        assert there
-        assert all(abs(each.time_s - group.time_s) <= OPTIONS.same_time_s for each in there)
+        other = [each for each in group.views if each is not None]
+        assert other
+        assert all(abs(each.time_s - group.time_s) <= OPTIONS.same_time_s for each in other)
 
 
 @given(streams())

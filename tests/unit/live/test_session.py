@@ -1,4 +1,4 @@
-"""From lines to lines: the tracker's people, what was dropped, and any bytes whatever."""
+"""Live sessions: people, dropped frames, and arbitrary input."""
 
 import json
 from collections.abc import Iterator
@@ -33,15 +33,15 @@ def session_of(scene: CrowdScene, stream: StreamOptions = ARRIVAL) -> Session:
     return Session(scene.rig, scene.detections.skeleton, Options(), stream)
 
 
-def told(session: Session, now_s: float = 0.0) -> list[dict]:
-    found = []
+def process_waiting(session: Session, now_s: float = 0.0) -> list[dict]:
+    actual = []
     while session.waiting:
         line = session.process_frame(lambda: now_s)
         if line is not None:
             assert line.endswith(b"\n")
             assert line.count(b"\n") == 1
-            found.append(json.loads(line))
-    return found
+            actual.append(json.loads(line))
+    return actual
 
 
 def test_output_lines_give_all_people(scene, lines):
@@ -49,7 +49,7 @@ def test_output_lines_give_all_people(scene, lines):
     frames = []
     for _, line in lines:
         assert session.take(line, 0.0) is None
-        frames += told(session)
+        frames += process_waiting(session)
     start = json.loads(session.start_line())
     assert start["keypoints"] == list(scene.detections.skeleton.keypoints)
     assert start["cameras"] == list(scene.rig.names)
@@ -66,8 +66,8 @@ def test_output_lines_give_all_people(scene, lines):
         model = np.array([row or [np.nan] * 3 for row in person["model_m"]])
         assert np.nanmin(np.nanmean(np.linalg.norm(truth - model, axis=-1), axis=1)) < 0.1
         assert set(person["views"]) <= set(scene.rig.names)
-        seen = [row is not None for row in person["keypoints_m"]]
-        assert seen == [
+        observed = [row is not None for row in person["keypoints_m"]]
+        assert observed == [
             label in ("ok", "two_views", "weak_geometry", "ambiguous") for label in person["keypoint_status"]
         ]
     assert [event["what"] for frame in frames for event in frame["events"]].count("confirmed") == 2
@@ -82,10 +82,10 @@ def test_tracking_continues_without_a_camera_and_names_it(scene, lines):
             continue
         session.tick(time_s)
         session.take(line, time_s)
-        frames += told(session, time_s)
+        frames += process_waiting(session, time_s)
         latest = time_s
     session.end(latest)
-    frames += told(session, latest)
+    frames += process_waiting(session, latest)
     assert len(frames) == 75
     assert [frame["missing"] for frame in frames if 1.0 <= frame["time_s"] < 2.0] == [[name]] * 25
     assert [person["status"] for person in frames[-1]["people"]] == ["active"] * 2
@@ -103,7 +103,7 @@ def test_times_of_day_give_the_same_people(scene, lines):
         for _, line in lines:
             message = json.loads(line)
             session.take(encoded(message | {"time_s": message["time_s"] + beginning_s}), 0.0)
-            frames += told(session)
+            frames += process_waiting(session)
         return [frame["people"] for frame in frames]
 
     for early, late in zip(people(0.0), people(1732275000.0), strict=True):
@@ -113,18 +113,18 @@ def test_times_of_day_give_the_same_people(scene, lines):
             np.testing.assert_allclose(*models, atol=1e-5)
 
 
-def test_the_last_reported_fault_of_a_kind_says_so(scene):
+def test_last_reported_fault_of_a_kind_says_so(scene):
     session = session_of(scene)
-    said = [session.take(b"[]", 0.0) for _ in range(7)]
-    assert [each is None for each in said] == [False] * 5 + [True] * 2
-    assert "Further lines with this fault (wrong shape) are only counted." in (said[4] or "")
+    messages = [session.take(b"[]", 0.0) for _ in range(7)]
+    assert [each is None for each in messages] == [False] * 5 + [True] * 2
+    assert "Further lines with this fault (wrong shape) are only counted." in (messages[4] or "")
 
 
-def test_the_oldest_frames_are_dropped_when_tracking_is_behind(scene, lines):
+def test_oldest_frames_are_dropped_when_tracking_is_behind(scene, lines):
     session = session_of(scene)
     for time_s, line in lines[:80]:
         session.take(line, time_s)
-    frames = told(session)
+    frames = process_waiting(session)
     assert [frame["time_s"] for frame in frames] == [time_s for time_s, _ in lines[48:80:4]]
     assert session.counts.frames_dropped == 12
 
@@ -136,7 +136,7 @@ def test_identities_survive_clock_jumps(scene, lines):
         message = json.loads(line)
         message["time_s"] += -5000.0 * (time_s >= 1.5)
         session.take(json.dumps(message).encode(), time_s)
-        frames += told(session, time_s)
+        frames += process_waiting(session, time_s)
     assert session.grouper.jumps == 1
     assert len(frames) == 75
     assert frames[-1]["time_s"] < -4000.0
@@ -211,11 +211,11 @@ def follow_fuzzed(scene: CrowdScene, lines: list[tuple[float, bytes]], number: i
     session = session_of(scene, replace(ARRIVAL, queue_frames=2))
     for time_s, line in lines[:160]:
         session.take(line, time_s - 2.0)
-        told(session)
+        process_waiting(session)
     for i, line in enumerate(fuzzed([line for _, line in lines], number, seed)):
         session.take(line, 0.01 * i)
         session.tick(0.01 * i + 0.005)
-        for frame in told(session, 0.01 * i):
+        for frame in process_waiting(session, 0.01 * i):
             assert frame["type"] == "frame"
     assert session.counts.lines == number + 160
     assert session.counts.malformed.total() > number / 4

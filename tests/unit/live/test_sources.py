@@ -35,7 +35,7 @@ def receiving(text: str, options: StreamOptions = OPTIONS) -> Iterator[tuple[Add
         assert not source._thread.is_alive()
 
 
-def taken(queue: LineQueue, number: int) -> list[bytes]:
+def receive_lines(queue: LineQueue, number: int) -> list[bytes]:
     lines: list[bytes] = []
     until = time.monotonic() + PATIENCE_S
     while len(lines) < number and time.monotonic() < until:
@@ -50,16 +50,16 @@ def until(true: Callable[[], bool]) -> None:
     assert true()
 
 
-def test_tcp():
+def test_lines_over_tcp():
     with receiving("tcp://:0") as (address, queue):
         assert address.host == "127.0.0.1"
         place = (address.host, address.port)
         with socket.create_connection(place) as one, socket.create_connection(place) as other:
             one.sendall(b"begun ")
             other.sendall(b"whole\n")
-            assert taken(queue, 1) == [b"whole"]
+            assert receive_lines(queue, 1) == [b"whole"]
             one.sendall(b"and ended\nx" + b"x" * 5000 + b"\nlast")
-        assert taken(queue, 2) == [b"begun and ended", b"last"]
+        assert receive_lines(queue, 2) == [b"begun and ended", b"last"]
         assert queue.lost == {"longer than max_line_bytes": 1}
 
 
@@ -67,14 +67,14 @@ def test_tcp_rejects_too_many_senders():
     with receiving("tcp://:0", replace(OPTIONS, max_connections=1)) as (address, queue):
         one = socket.create_connection((address.host, address.port))
         one.sendall(b"first\n")
-        assert taken(queue, 1) == [b"first"]
+        assert receive_lines(queue, 1) == [b"first"]
         with one, socket.create_connection((address.host, address.port)) as other:
             other.settimeout(PATIENCE_S)
             assert other.recv(1) == b""
         assert queue.lost == {"more senders than max_connections": 1}
 
 
-def test_a_port_in_use_is_an_error():
+def test_port_in_use_is_an_error():
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         for kind in ("tcp", "zmq+pull"):
@@ -82,7 +82,7 @@ def test_a_port_in_use_is_an_error():
                 pass
 
 
-def test_unix(tmp_path: Path):
+def test_lines_over_a_unix_socket(tmp_path: Path):
     path = tmp_path / "s"
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as left_behind:
         left_behind.bind(str(path))
@@ -91,7 +91,7 @@ def test_unix(tmp_path: Path):
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as sender:
             sender.connect(str(path))
             sender.sendall(b"one\ntwo\n")
-        assert taken(queue, 2) == [b"one", b"two"]
+        assert receive_lines(queue, 2) == [b"one", b"two"]
         with pytest.raises(StreamError, match="Cannot listen"), receiving(f"unix:{path}"):
             pass
     assert not path.exists()
@@ -111,7 +111,7 @@ def test_zeromq_pushed():
         sender.connect(f"tcp://127.0.0.1:{address.port}")
         sender.send(b"one")
         sender.send(b"two\nthree\n")
-        assert taken(queue, 3) == [b"one", b"two", b"three"]
+        assert receive_lines(queue, 3) == [b"one", b"two", b"three"]
 
 
 def test_zeromq_published():
@@ -123,7 +123,7 @@ def test_zeromq_published():
             assert publisher.recv() == b"\x01pose"
             publisher.send_multipart([b"other", b"not asked for"])
             publisher.send_multipart([b"pose.left", b"one"])
-            assert taken(queue, 1) == [b"one"]
+            assert receive_lines(queue, 1) == [b"one"]
 
 
 class TinyNats(socketserver.StreamRequestHandler):
@@ -149,7 +149,7 @@ def test_nats_protocol():
         server.daemon_threads = True
         threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
         with receiving(f"nats://127.0.0.1:{server.server_address[1]}/pose") as (_, queue):
-            assert taken(queue, 3) == [b"one", b"two", b"three"]
+            assert receive_lines(queue, 3) == [b"one", b"two", b"three"]
         server.shutdown()
 
 
@@ -173,21 +173,21 @@ def test_nats_server():
             await asyncio.sleep(0.05)
         await client.close()
 
-    def listens() -> bool:
+    def is_listening() -> bool:
         with socket.socket() as probe:
             return probe.connect_ex(("127.0.0.1", port)) == 0
 
     try:
-        until(listens)
+        until(is_listening)
         with receiving(f"nats://127.0.0.1:{port}/pose") as (_, queue):
             asyncio.run(publish())
-            assert taken(queue, 1)[0] == b"one"
+            assert receive_lines(queue, 1)[0] == b"one"
     finally:
         server.terminate()
         server.wait()
 
 
-def test_a_missing_nats_server_is_an_error():
+def test_missing_nats_server_is_an_error():
     pytest.importorskip("nats", reason="nats-py is not installed (extra live)")
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]

@@ -1,4 +1,4 @@
-"""Cameras and rigs: what they accept, and the sentence where they do not."""
+"""Cameras and rigs: valid values and error messages."""
 
 import numpy as np
 import pytest
@@ -35,8 +35,11 @@ def pose_with(rotation) -> np.ndarray:
         ({"matrix": MATRIX.T}, ["upper triangular", "transposed"]),
         ({"matrix": MATRIX * np.nan}, ["not finite"]),
         ({"camera_from_world": np.eye(3)}, ["4 x 4", "(3, 3)"]),
-        ({"camera_from_world": pose_with(np.diag([1.0, 1.0, -1.0]))}, ["rotation is not one", "determinant is -1"]),
-        ({"camera_from_world": pose_with(1.01 * np.eye(3))}, ["rotation is not one", "0.02"]),
+        (
+            {"camera_from_world": pose_with(np.diag([1.0, 1.0, -1.0]))},
+            ["matrix is not a proper rotation", "determinant is -1"],
+        ),
+        ({"camera_from_world": pose_with(1.01 * np.eye(3))}, ["matrix is not a proper rotation", "0.02"]),
         ({"camera_from_world": np.full((4, 4), np.nan)}, ["finite"]),
         ({"size_px": (0, 1080)}, ["two positive whole numbers", "0 x 1080"]),
         ({"size_px": (1920.5, 1080)}, ["whole numbers"]),
@@ -48,7 +51,7 @@ def pose_with(rotation) -> np.ndarray:
         ({"matrix": "K"}, ["matrix must be an array of numbers"]),
     ],
 )
-def test_a_camera_that_cannot_be_is_refused_with_a_reason(changes, words):
+def test_invalid_cameras_are_refused_with_a_reason(changes, words):
     with pytest.raises(CameraError) as error:
         camera(**changes)
     for word in words:
@@ -56,7 +59,7 @@ def test_a_camera_that_cannot_be_is_refused_with_a_reason(changes, words):
 
 
 @pytest.mark.parametrize(("rotation", "translation"), [(np.zeros(4), np.zeros(3)), (np.eye(3), np.zeros(2))])
-def test_opencvs_pose_has_three_or_nine_and_three_numbers(rotation, translation):
+def test_opencv_pose_has_three_or_nine_and_three_numbers(rotation, translation):
     with pytest.raises(CameraError, match="got shapes"):
         Camera.from_opencv("c", (640, 480), np.diag([500.0, 500.0, 1.0]), (), rotation, translation)
 
@@ -66,10 +69,10 @@ def test_arrays_of_a_camera_cannot_be_changed():
         camera().matrix[0, 0] = 1.0
 
 
-def test_centre_and_pose_agree():
+def test_center_and_pose_agree():
     pose = ring(3).cameras[1].camera_from_world
     one = camera(camera_from_world=pose)
-    np.testing.assert_allclose(pose @ [*one.centre_m, 1.0], [0, 0, 0, 1], atol=1e-12)
+    np.testing.assert_allclose(pose @ [*one.center_m, 1.0], [0, 0, 0, 1], atol=1e-12)
 
 
 def test_cameras_are_equal_by_their_numbers():
@@ -115,15 +118,15 @@ class TestRig:
         with pytest.raises(CameraError, match="repeats cam"):
             CameraRig((camera_with("pinhole"), camera_with("barrel")), source="c.toml")
 
-    def test_a_rig_has_cameras(self):
+    def test_rig_needs_cameras(self):
         with pytest.raises(CameraError, match=r"at least one camera; c\.toml has none"):
             CameraRig((), source="c.toml")
 
-    def test_up_is_an_axis(self):
+    def test_up_axis_must_be_valid(self):
         with pytest.raises(CameraError, match="'up' is not an axis"):
             CameraRig(ring(2).cameras, up_axis="up")  # type: ignore[arg-type]
 
-    def test_cameras_by_name(self):
+    def test_cameras_are_selected_by_name(self):
         rig = ring(3)
         assert rig["cam_1"] is rig.cameras[1]
         assert rig.select(["cam_2", "cam_0"]).names == ("cam_2", "cam_0")

@@ -1,4 +1,4 @@
-"""Detections: ragged columns, ranges, views, skeletons, and what they refuse."""
+"""Detections: ragged columns, ranges, views, skeletons and errors."""
 
 from dataclasses import replace
 
@@ -8,26 +8,8 @@ import pytest
 from posefuse.errors import DetectionsError, MatchError
 from posefuse.model.detections import Detections
 from posefuse.skeleton.skeletons import find_skeleton
+from tests.example_detections import ragged_detections
 from tests.scenes import skeleton_of
-
-
-def ragged(rng: np.random.Generator, frames: int = 6, views: int = 3, keypoints: int = 4) -> Detections:
-    """0 to 3 people per view and frame."""
-    counts = rng.integers(0, 4, frames * views)
-    rows = int(counts.sum())
-    return Detections(
-        skeleton=skeleton_of(keypoints),
-        view_names=tuple(f"view_{v}" for v in range(views)),
-        frame_numbers=np.arange(10, 10 + frames),
-        time_s=np.repeat(np.arange(frames)[:, None] / 30.0, views, axis=1),
-        offsets=np.concatenate([[0], np.cumsum(counts)]),
-        keypoints_px=rng.uniform(0, 1000, (rows, keypoints, 2)),
-        confidence=rng.uniform(0, 1, (rows, keypoints)),
-        recorded=np.ones((frames, views), dtype=bool),
-        track_ids=rng.integers(-1, 3, rows),
-        depth=rng.normal(size=(rows, keypoints)),
-        rate_hz=30.0,
-    )
 
 
 def people(detections: Detections, frame: int, view: int) -> np.ndarray:
@@ -35,8 +17,8 @@ def people(detections: Detections, frame: int, view: int) -> np.ndarray:
     return np.asarray(detections.keypoints_px)[start:stop]
 
 
-def test_ranges_of_frames_put_together_are_the_whole(rng):
-    whole = ragged(rng)
+def test_concatenated_ranges_equal_the_whole(rng):
+    whole = ragged_detections(rng)
     parts = list(whole.chunks(4))
     assert [part.n_frames for part in parts] == [4, 2]
     for f in range(6):
@@ -46,8 +28,8 @@ def test_ranges_of_frames_put_together_are_the_whole(rng):
     assert parts[1].frame_numbers.tolist() == [14, 15]
 
 
-def test_pieces_are_their_ranges_one_after_the_other(rng):
-    whole = ragged(rng)
+def test_chunks_are_consecutive_ranges(rng):
+    whole = ragged_detections(rng)
     joined = whole.pieces([(0, 2), (3, 6)])
     assert joined.frame_numbers.tolist() == whole.frame_numbers[[0, 1, 3, 4, 5]].tolist()
     for f, of in enumerate((0, 1, 3, 4, 5)):
@@ -55,8 +37,8 @@ def test_pieces_are_their_ranges_one_after_the_other(rng):
             np.testing.assert_array_equal(people(joined, f, v), people(whole, of, v))
 
 
-def test_chosen_views_keep_their_people(rng):
-    whole = ragged(rng)
+def test_selected_views_keep_their_people(rng):
+    whole = ragged_detections(rng)
     chosen = whole.views(["view_2", "view_0"])
     for f in range(6):
         np.testing.assert_array_equal(people(chosen, f, 0), people(whole, f, 2))
@@ -65,8 +47,8 @@ def test_chosen_views_keep_their_people(rng):
         whole.views(["view2"])
 
 
-def test_rows_know_their_place(rng):
-    whole = ragged(rng)
+def test_rows_have_their_frame_and_view(rng):
+    whole = ragged_detections(rng)
     for f in range(6):
         for v in range(3):
             for row in range(*whole.offsets[f * 3 + v :][:2]):
@@ -74,13 +56,13 @@ def test_rows_know_their_place(rng):
 
 
 def test_equality_is_by_content(rng):
-    one = ragged(np.random.default_rng(1))
-    assert one == ragged(np.random.default_rng(1))
+    one = ragged_detections(np.random.default_rng(1))
+    assert one == ragged_detections(np.random.default_rng(1))
     assert one != replace(one, rate_hz=25.0)
-    assert one != ragged(np.random.default_rng(2))
+    assert one != ragged_detections(np.random.default_rng(2))
 
 
-def test_dense_and_back(rng):
+def test_dense_arrays_round_trip(rng):
     pixels = rng.uniform(0, 100, (5, 2, 17, 2))
     pixels[1, 0, 3] = np.nan
     detections = Detections.from_dense(skeleton_of(17), ("a", "b"), pixels, rate_hz=25.0)
@@ -91,7 +73,7 @@ def test_dense_and_back(rng):
 
 
 def test_dense_holds_one_person(rng):
-    crowded = ragged(rng)
+    crowded = ragged_detections(rng)
     with pytest.raises(DetectionsError, match=r"View 'view_\d' has \d people in frame 1\d"):
         crowded.dense()
 
@@ -131,15 +113,15 @@ def test_mapping_to_another_skeleton(rng):
         ({"rate_hz": -1.0}, ["rate_hz must be positive"]),
     ],
 )
-def test_arrays_that_do_not_fit_are_refused(changes, words, rng):
+def test_arrays_of_other_shapes_are_refused(changes, words, rng):
     with pytest.raises(DetectionsError) as error:
-        replace(ragged(rng), **changes)
+        replace(ragged_detections(rng), **changes)
     for word in words:
         assert word in str(error.value)
 
 
-def test_infinities_are_refused_with_their_place(rng):
-    whole = ragged(rng)
+def test_infinite_values_are_refused_with_their_index(rng):
+    whole = ragged_detections(rng)
     keypoints = np.array(whole.keypoints_px)
     row = int(whole.offsets[3 * 3 + 1])
     frame, view = whole.place_of_row(row)
@@ -149,7 +131,7 @@ def test_infinities_are_refused_with_their_place(rng):
 
 
 def test_views_without_the_frame_have_no_people(rng):
-    whole = ragged(rng)
+    whole = ragged_detections(rng)
     recorded = np.zeros((6, 3), dtype=bool)
     with pytest.raises(DetectionsError, match="not recorded"):
         replace(whole, recorded=recorded)

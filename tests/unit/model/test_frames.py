@@ -9,7 +9,7 @@ from posefuse.model.frames import Frame
 from posefuse.skeleton.skeletons import shipped_skeleton
 
 
-def test_a_frame_of_a_recording_holds_its_people(rng):
+def test_frame_of_a_recording_holds_its_people(rng):
     pixels = rng.uniform(0, 100, (4, 3, 17, 2))
     detections = Detections.from_dense(shipped_skeleton("coco_17"), ("a", "b", "c"), pixels, rate_hz=10.0)
     frame = Frame.of(detections, 2)
@@ -40,13 +40,13 @@ def test_infinite_pixels_are_refused():
         Frame.of_people([np.full((1, 5, 2), np.inf)], [np.ones((1, 5))], 0.0)
 
 
-def test_a_frame_may_show_nobody():
+def test_frame_may_have_no_people():
     frame = Frame.of_people([np.empty((0, 17, 2)), []], [np.empty((0, 17)), []], 0.0)
     assert len(frame.view) == 0
     assert frame.keypoints_px.shape == (0, 17, 2)
 
 
-def test_a_view_without_this_frame_is_not_recorded(rng):
+def test_view_without_this_frame_is_not_recorded(rng):
     pixels = rng.uniform(0, 100, (1, 5, 2))
     frame = Frame.of_people([pixels, None, np.empty((0, 5, 2))], time_s=[0.1, np.nan, 0.11])
     np.testing.assert_array_equal(frame.recorded, [True, False, True])
@@ -56,7 +56,7 @@ def test_a_view_without_this_frame_is_not_recorded(rng):
     assert not Frame.of_people([None, None], time_s=0.5).recorded.any()
 
 
-def test_a_frame_without_time_or_views_says_what_to_give(rng):
+def test_frame_without_time_or_views_is_an_error_with_a_remedy(rng):
     with pytest.raises(DetectionsError, match=r"Frame 7 has no time.*time_s in seconds"):
         Frame.of_people([np.zeros((1, 5, 2))], [np.ones((1, 5))], number=7)
     with pytest.raises(DetectionsError, match=r"has no view.*one array of keypoints per camera"):

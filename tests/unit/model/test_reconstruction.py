@@ -12,7 +12,7 @@ from posefuse.model.reconstruction import Layer, Reconstruction, unpack_covarian
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.tracks import Tracks
 from posefuse.pipeline.reconstruct import reconstruct
-from tests.people import crowd, followed
+from tests.people import simulate_walkers, track_perfectly
 from tests.scenes import body_points, ring, simulate_detections
 
 
@@ -22,7 +22,7 @@ def result(rng) -> Reconstruction:
     return reconstruct(rig, simulate_detections(rig, body_points(rng, 7), rng))
 
 
-def test_ranges_put_together_are_the_whole(result):
+def test_chunks_concatenate_to_the_whole(result):
     parts = list(result.chunks(3))
     assert [part.n_frames for part in parts] == [3, 3, 1]
     assert Reconstruction.concatenate(parts) == result
@@ -30,12 +30,12 @@ def test_ranges_put_together_are_the_whole(result):
 
 def test_concatenated_ranges_equal_the_whole(result):
     assert concatenate_ranges(result.chunks(3), 7) == result
-    everything = followed(crowd(2, 0.6))
+    everything = track_perfectly(simulate_walkers(2, 0.6))
     assert everything.poses is not None
     assert everything.swaps is not None
     assert concatenate_ranges(everything.chunks(5), everything.n_frames) == everything
     for wrong in (6, 8):
-        with pytest.raises(ResultError, match=f"of {wrong} frames have 7 frames in all"):
+        with pytest.raises(ResultError, match=f"have 7 frames in total, but the reconstruction has {wrong}"):
             concatenate_ranges(result.chunks(3), wrong)
 
 
@@ -45,7 +45,7 @@ def test_equality_is_by_content(result):
     assert result != replace(result, layers={"measured": other})
 
 
-def test_what_does_not_fit_is_refused(result):
+def test_inconsistent_arrays_are_refused(result):
     layer = result.layers["measured"]
     with pytest.raises(ResultError, match=r"covariance_m2: expected the axes \(frame, person, keypoint, entry\)"):
         replace(layer, covariance_m2=np.zeros((7, 1, 17, 9)))
@@ -53,7 +53,7 @@ def test_what_does_not_fit_is_refused(result):
         replace(result, layers={"raw": layer})
     with pytest.raises(ResultError, match="needs at least one layer"):
         replace(result, layers={})
-    with pytest.raises(ResultError, match="has 3 views, the rig 2 cameras"):
+    with pytest.raises(ResultError, match="has 3 views, but the rig has 2 cameras"):
         replace(result, rig=ring(2))
     with pytest.raises(ResultError, match="Tracks are of"):
         replace(result, person_ids=("someone",))
@@ -61,7 +61,7 @@ def test_what_does_not_fit_is_refused(result):
         Tracks(("a", "a"), np.zeros((1, 2, 1)), np.zeros((1, 2)))
 
 
-def test_the_best_layer_is_the_most_processed_one(result):
+def test_best_layer_is_the_most_processed_one(result):
     assert result.best_layer()[0] == "measured"
     both = replace(result, layers={"solved": result.layers["measured"], "measured": result.layers["measured"]})
     assert both.best_layer()[0] == "solved"
@@ -79,7 +79,7 @@ def test_derived_numbers_of_a_layer(result):
     assert layer.has_point.all()
 
 
-def test_every_status_has_a_sentence():
+def test_every_status_has_a_description():
     for code in (*PointStatus, *ViewStatus):
         assert code.sentence
         assert code.label == code.name.lower()

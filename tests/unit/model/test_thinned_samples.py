@@ -1,11 +1,11 @@
-"""Numbers of every n-th frame: the same however they come, and never more than is to be held."""
+"""Samples of every n-th frame do not depend on chunks and have a bounded size."""
 
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
 from posefuse.model.thinned_samples import Thinned
-from tests.laws import examples
+from tests.properties import examples
 
 
 @examples(60)
@@ -13,7 +13,7 @@ from tests.laws import examples
     st.lists(st.integers(0, 40), min_size=1, max_size=12).filter(lambda sizes: sum(sizes) > 0),
     st.integers(1, 60),
 )
-def test_what_is_kept_depends_on_the_frames_alone(sizes, rows):
+def test_sample_depends_on_the_frames_only(sizes, rows):
     values = np.arange(3.0 * sum(sizes)).reshape(-1, 3)
     whole, parts = Thinned(24 * rows), Thinned(24 * rows)
     whole.add(values)

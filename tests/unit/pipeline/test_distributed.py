@@ -9,6 +9,7 @@ import pytest
 
 from posefuse.io.checkpoints import CheckpointFolder
 from posefuse.model.concatenate import concatenate_ranges
+from posefuse.model.options.alignment import AlignOptions
 from posefuse.model.options.options import Options
 from posefuse.model.options.postprocess import PostprocessOptions
 from posefuse.model.reconstruction import Reconstruction
@@ -41,7 +42,7 @@ def distributed(scene, options: Options, folder: Path, window_s: float, run: Run
     return concatenate_ranges(reconstruct_distributed(plan, runner, Silent()), plan.detections.n_frames)
 
 
-def crowd_of(seconds: float, people: int, seed: int, **more) -> CrowdScene:
+def simulate_people(seconds: float, people: int, seed: int, **more) -> CrowdScene:
     return simulate_crowd(CrowdOptions("crowd", people=people, cameras=4, duration_s=seconds, seed=seed, **more))
 
 
@@ -59,15 +60,15 @@ def check_same(whole: Reconstruction, pieces: Reconstruction) -> None:
     np.testing.assert_array_equal(np.isnan(one), np.isnan(other))
     apart_m = np.linalg.norm(one - other, axis=-1)
     # A person with hardly any detections may differ by a few mm for a second, a small fraction of the uncertainty.
-    known = np.isfinite(apart_m)
-    assert (apart_m[known] < 1e-4).mean() > 0.999
+    reference = np.isfinite(apart_m)
+    assert (apart_m[reference] < 1e-4).mean() > 0.999
     sd_m = np.sqrt(np.asarray(whole.layers["model"].covariance_m2)[..., [0, 3, 5]].sum(axis=-1))
-    assert (apart_m[known] < 0.05 * sd_m[known]).all()
+    assert (apart_m[reference] < 0.05 * sd_m[reference]).all()
     assert np.nanmedian(apart_m) < 1e-7
 
 
 def test_people_of_two_windows_equal_those_of_one_run(tmp_path):
-    scene = crowd_of(9.0, 2, 3)
+    scene = simulate_people(9.0, 2, 3)
     options = Options(people="many", noise_scale_px=14.0, pairs="labels")
     options = replace(options, tracker=replace(options.tracker, terminate_after_s=0.5))
     whole, pieces = reconstruct(scene.rig, scene.detections, options), distributed(scene, options, tmp_path / "x", 4.5)
@@ -76,7 +77,15 @@ def test_people_of_two_windows_equal_those_of_one_run(tmp_path):
     assert list((tmp_path / "x").glob("*.todo")) == []
 
 
-def test_an_interrupted_run_resumes_from_finished_pieces(tmp_path):
+def test_people_are_tracked_again_in_a_world_of_another_size(tmp_path):
+    scene = simulate_people(9.0, 2, 3)
+    options = Options(people="many", noise_scale_px=14.0, pairs="labels", align=AlignOptions(height_m=1.5))
+    options = replace(options, tracker=replace(options.tracker, terminate_after_s=0.5))
+    whole, pieces = reconstruct(scene.rig, scene.detections, options), distributed(scene, options, tmp_path / "x", 4.5)
+    check_same(whole, pieces)
+
+
+def test_interrupted_run_resumes_from_finished_pieces(tmp_path):
     """Measured pieces are finished at the interruption; one is damaged before the run resumes."""
     scene = simulate(SceneOptions(duration_s=40.0, rate_hz=60.0, cameras=3, seed=2))
     options = Options(solve="frame", pairs="labels", postprocess=PostprocessOptions(smooth=("butterworth",)))
@@ -103,8 +112,8 @@ def test_an_interrupted_run_resumes_from_finished_pieces(tmp_path):
 
 @pytest.mark.long
 @pytest.mark.parametrize("solve", ["frame", "trajectory"])
-def test_a_crowd_of_three_windows_equals_one_run(tmp_path, solve):
-    scene = crowd_of(120.0, 4, 1)
+def test_crowd_of_three_windows_equals_one_run(tmp_path, solve):
+    scene = simulate_people(120.0, 4, 1)
     options = Options(people="many", solve=solve, noise_scale_px=14.0)
     options = replace(options, tracker=replace(options.tracker, terminate_after_s=5.0))
     whole, pieces = reconstruct(scene.rig, scene.detections, options), distributed(scene, options, tmp_path / "x", 40.0)
@@ -118,6 +127,6 @@ def test_points_of_one_subject_are_bitwise_equal(tmp_path):
     assert pieces == whole
 
 
-def test_a_recording_of_two_windows_is_long():
+def test_recording_of_two_windows_is_long():
     scene = simulate(SceneOptions(duration_s=1.0, rate_hz=50.0, cameras=2))
     assert [is_long(scene.detections, Options(), window_s) for window_s in (0.4, 0.5, 0.6)] == [True, True, False]

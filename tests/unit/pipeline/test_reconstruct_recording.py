@@ -76,14 +76,14 @@ def test_options_are_as_requested_and_the_resolved_ones_beside_them(recording, t
     assert result.resolved.chunk_frames < options.chunk_frames
 
 
-def test_a_result_without_resolved_options_uses_the_requested_ones(scene):
+def test_result_without_resolved_options_uses_the_requested_ones(scene):
     result = posefuse.Reconstruction(scene.rig, scene.truth.skeleton, ("a",), np.zeros(0), np.zeros(0), {
         "measured": scene.truth.layers["measured"].frames(0, 0)
     })  # fmt: skip
     assert result.resolved is result.options
 
 
-def test_an_interruption_leaves_a_partial_result_that_resumes(recording, tmp_path, monkeypatch):
+def test_interruption_leaves_a_partial_result_that_resumes(recording, tmp_path, monkeypatch):
     options = Options(chunk_frames=60, solve="frame", pairs="labels")
     whole = posefuse.reconstruct_recording(recording, tmp_path / "whole", options)
     chunks = recipe.reconstruct_chunks
@@ -107,7 +107,7 @@ def test_an_interruption_leaves_a_partial_result_that_resumes(recording, tmp_pat
     assert resumed.open() == whole.open()
 
 
-def test_the_outcome_names_every_file(recording, tmp_path):
+def test_outcome_names_every_file(recording, tmp_path):
     inputs = RecordingInputs(calibration=recording / "calibration.toml")
     outcome = posefuse.reconstruct_recording(recording, tmp_path / "out", inputs=inputs, also=("npz",))
     assert {path.name for path in (tmp_path / "out").iterdir()} == set(outcome.files)
@@ -126,7 +126,7 @@ def test_unknown_formats_and_missing_rates_are_refused_before_any_work(scene, tm
     assert not (tmp_path / "out").exists()
 
 
-def test_a_recording_is_inspected_by_its_folder(recording):
+def test_recording_is_inspected_by_its_folder(recording):
     assert posefuse.inspect_health(recording) == ()
     with pytest.raises(DetectionsError, match="needs detections"):
         posefuse.inspect_health(posefuse.read_cameras(recording / "calibration.toml"))

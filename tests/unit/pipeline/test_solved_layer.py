@@ -23,7 +23,7 @@ from posefuse.progress import Silent
 from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
 from tests.scenes import body_points, ring, simulate_detections
-from tests.unit.trajectory.problems import ARM, exact_pixels, swinging
+from tests.unit.trajectory.path_problems import ARM, exact_pixels, swinging
 
 EVERYTHING = PostprocessOptions(
     fill="pchip", smooth=("hampel", "butterworth"), butterworth=ButterworthOptions(cutoff_hz=9.0)
@@ -46,7 +46,7 @@ def test_no_postprocessing_gives_no_solved_layer(scene):
     assert list(result.layers) == ["measured"]
 
 
-def test_the_measured_layer_is_unchanged_and_sources_are_correct(scene):
+def test_measured_layer_is_unchanged_and_sources_are_correct(scene):
     result = with_gaps(scene, fill="pchip", smooth=("butterworth",))
     plain = posefuse.reconstruct(scene.rig, scene.detections, Options(solve="frame"))
     assert list(result.layers) == ["measured", "solved"]
@@ -146,7 +146,7 @@ def test_filters_without_times_are_an_error(scene):
         posefuse.reconstruct(scene.rig, timeless, Options(solve="frame", postprocess=EVERYTHING))
 
 
-def test_one_camera(scene):
+def test_single_camera(scene):
     detections = scene.detections.views(["cam_0"])
     result = posefuse.reconstruct(
         scene.rig.select(["cam_0"]), detections, Options(solve="frame", postprocess=EVERYTHING)
@@ -160,7 +160,7 @@ def trajectory_plan(scene):
     return prepare(scene.rig, scene.detections, Options(solve="trajectory"), Silent())
 
 
-def test_the_trajectory_is_more_accurate_than_single_frames(scene, trajectory_plan):
+def test_trajectory_is_more_accurate_than_single_frames(scene, trajectory_plan):
     assert trajectory_plan.options.solve == "trajectory"
     result = Reconstruction.concatenate(list(reconstruct_chunks(trajectory_plan, Silent())))
     solved = result.layers["solved"]
@@ -193,7 +193,7 @@ def test_auto_solves_one_subject_over_time_in_long_recordings(scene, changes, ca
 
 
 def test_windows_of_a_trajectory_join_smoothly():
-    """Motion rougher than any smooth path, gross errors, and a wrist that one camera sees across a seam."""
+    """Rough motion, gross errors, and a wrist in a single view across a window border."""
     rng = np.random.default_rng(4)
     rig, frames = ring(4), 1300
     truth = swinging(frames) + 0.003 * rng.standard_normal((frames, 3, 3))
@@ -209,15 +209,15 @@ def test_windows_of_a_trajectory_join_smoothly():
     )
     assert plan.solver.margin < 120
     assert (np.asarray(plan.solver.steps[0].priors.roughness_m2) > 1e-6).all()
-    there = np.asarray(whole.has_point)
-    assert there.mean() > 0.98
+    present = np.asarray(whole.has_point)
+    assert present.mean() > 0.98
     np.testing.assert_array_equal(cut.status, whole.status)
-    apart = np.linalg.norm(np.asarray(cut.points_m) - np.asarray(whole.points_m), axis=-1)[there]
-    assert (apart / np.asarray(whole.sd_m).max(axis=-1)[there]).max() < 0.02
-    assert np.abs(np.log(np.asarray(cut.sd_m)[there] / np.asarray(whole.sd_m)[there])).max() < 0.005
+    apart = np.linalg.norm(np.asarray(cut.points_m) - np.asarray(whole.points_m), axis=-1)[present]
+    assert (apart / np.asarray(whole.sd_m).max(axis=-1)[present]).max() < 0.02
+    assert np.abs(np.log(np.asarray(cut.sd_m)[present] / np.asarray(whole.sd_m)[present])).max() < 0.005
 
 
-def test_a_trajectory_needs_times_and_two_cameras(scene):
+def test_trajectory_needs_times_and_two_cameras(scene):
     timeless = replace(scene.detections, time_s=np.full_like(scene.detections.time_s, np.nan), rate_hz=None)
     with pytest.raises(DetectionsError, match="--rate-hz"):
         resolve_solve(Options(solve="trajectory"), RecordingFacts.of(timeless), 3)

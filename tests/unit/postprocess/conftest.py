@@ -9,10 +9,10 @@ RATE_HZ = 60.0
 
 
 def points_of(xyz: np.ndarray, sd_m: float = 0.005) -> Points:
-    known = np.isfinite(xyz[..., 0])
+    reference = np.isfinite(xyz[..., 0])
     entries = sd_m**2 * np.array([1.0, 0, 0, 1.0, 0, 1.0])
-    covariance = np.where(known[..., None], entries, np.nan)
-    return Points(xyz, covariance, np.where(known, Source.MEASURED, Source.NONE).astype(np.int8))
+    covariance = np.where(reference[..., None], entries, np.nan)
+    return Points(xyz, covariance, np.where(reference, Source.MEASURED, Source.NONE).astype(np.int8))
 
 
 def clock_of(frames: int, rate_hz: float = RATE_HZ) -> Clock:

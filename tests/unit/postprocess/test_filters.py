@@ -65,10 +65,10 @@ def test_filters_commute_with_rigid_motions(name, seed):
 @pytest.mark.parametrize("name", [name for name in FILTERS if name not in ("one_euro", "kalman")])
 def test_symmetric_filters_commute_with_time_reversal(name):
     xyz = wave(80, 1.5) + 0.01 * np.random.default_rng(0).normal(size=(80, 1, 3))
-    there = smooth(points_of(xyz), clock_of(80), name, PostprocessOptions())
+    other = smooth(points_of(xyz), clock_of(80), name, PostprocessOptions())
     back = smooth(points_of(xyz[::-1]), clock_of(80), name, PostprocessOptions())
-    # Forwards and backwards differ at the ends, where the filter has begun in the other.
-    np.testing.assert_allclose(back.xyz_m[::-1][30:-30], there.xyz_m[30:-30], atol=1e-5)
+    # Forward and backward differ at the ends, where the filter has begun in the other.
+    np.testing.assert_allclose(back.xyz_m[::-1][30:-30], other.xyz_m[30:-30], atol=1e-5)
 
 
 @pytest.mark.parametrize("order", [2, 4, 8])

@@ -22,11 +22,11 @@ def test_only_short_inner_gaps_are_filled(how):
         holed[start:stop] = np.nan
     options = PostprocessOptions(fill=how, max_gap_s=6 / RATE_HZ)
     out = fill(points_of(holed), clock_of(100), options)
-    wanted = np.isfinite(holed[:, 0, 0])
-    wanted[20:26] = True
-    assert np.array_equal(out.known[:, 0], wanted)
+    expected = np.isfinite(holed[:, 0, 0])
+    expected[20:26] = True
+    assert np.array_equal(out.known[:, 0], expected)
     assert (out.source[20:26] == Source.FILLED).all()
-    assert (out.source[wanted & np.isfinite(holed[:, 0, 0])] == Source.MEASURED).all()
+    assert (out.source[expected & np.isfinite(holed[:, 0, 0])] == Source.MEASURED).all()
     assert np.abs(out.xyz_m[20:26] - path[20:26]).max() < 0.01
     np.testing.assert_array_equal(out.xyz_m[:20], holed[:20])
     assert np.isfinite(out.covariance_m2[20:26]).all() == (how == "smoother")

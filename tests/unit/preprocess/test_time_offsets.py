@@ -27,29 +27,29 @@ def straight(late_frames: float = 2.4, frames: int = 40) -> Detections:
     return Detections.from_dense(skeleton, ("a", "b"), pixels, np.ones(pixels.shape[:3]), rate_hz=RATE)
 
 
-def put(detections: Detections, sync: SyncOptions = SYNC) -> np.ndarray:
+def align(detections: Detections, sync: SyncOptions = SYNC) -> np.ndarray:
     step = shift_views(detections, ("a", "b"), sync)
     subject = SingleSubject.of(step.detections, None)
     return interpolate_to_frame_times(step, subject).dense()[0][..., 0, 0]
 
 
 def test_keypoints_of_a_late_view_are_interpolated_to_frame_times():
-    shown = put(straight())
+    shown = align(straight())
     assert shown[3:-1, 1] == pytest.approx(shown[3:-1, 0])
     assert shown[:, 0] == pytest.approx(10.0 * np.arange(40))
 
 
-def test_a_clock_drift_is_corrected():
+def test_clock_drift_is_corrected():
     frames = np.arange(200)
     detections = straight(0.0, 200)
     pixels = detections.dense()[0].copy()
     pixels[:, 1, :, 0] = 10.0 * (frames * 1.01 + 1.0)[:, None]
     drifting = Detections.from_dense(detections.skeleton, ("a", "b"), pixels, rate_hz=RATE)
-    shown = put(drifting, SyncOptions(("b",), (0.0,), (1.0 / RATE,), (1e4,)))
-    known = np.isfinite(shown[:, 1])
-    assert known.mean() > 0.95
+    shown = align(drifting, SyncOptions(("b",), (0.0,), (1.0 / RATE,), (1e4,)))
+    reference = np.isfinite(shown[:, 1])
+    assert reference.mean() > 0.95
     # Within a tenth of a frame, 1 px here, a view is left as it is.
-    assert shown[known, 1] == pytest.approx(shown[known, 0], abs=1.001)
+    assert shown[reference, 1] == pytest.approx(shown[reference, 0], abs=1.001)
 
 
 def test_gaps_of_more_than_two_frames_are_not_interpolated():
@@ -57,15 +57,15 @@ def test_gaps_of_more_than_two_frames_are_not_interpolated():
     pixels = detections.dense()[0].copy()
     pixels[20:23, 1] = np.nan
     gap = Detections.from_dense(detections.skeleton, ("a", "b"), pixels, rate_hz=RATE)
-    shown = put(gap)
-    # Frames 20 to 22 of the view were taken at 22.4 to 24.4: nothing is known from 21.4 to 25.4.
+    shown = align(gap)
+    # Frames 20 to 22 of the view were taken at 22.4 to 24.4, so that it has no data from 21.4 to 25.4.
     assert np.isnan(shown[22:26, 1]).all()
     assert np.isfinite(shown[[21, 26], 1]).all()
 
 
-def test_a_view_without_offset_is_unchanged():
+def test_view_without_offset_is_unchanged():
     detections = straight(0.0)
-    shown = put(detections, SyncOptions(("b",), (0.0,), (0.05 / RATE,), (0.0,)))
+    shown = align(detections, SyncOptions(("b",), (0.0,), (0.05 / RATE,), (0.0,)))
     assert (shown == detections.dense()[0][..., 0, 0]).all()
 
 
@@ -81,9 +81,9 @@ def test_interpolated_views_are_marked(sync):
         step.detections.dense()[0][..., 0, 0],
         interpolate_to_frame_times(step, subject).dense()[0][..., 0, 0],
     )
-    known = np.isfinite(after)
+    reference = np.isfinite(after)
     marked = sync.time_shifted(("a", "b"), step.time_s, 1.0 / RATE)
-    assert (marked[known] == (before != after)[known]).all()
+    assert (marked[reference] == (before != after)[reference]).all()
 
 
 def test_offsets_of_a_view_apply_from_their_start_time():

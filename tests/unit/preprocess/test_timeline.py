@@ -1,4 +1,4 @@
-"""Views on one line of frames: by time, whatever the numbers of their frames are."""
+"""Alignment of views on a common timeline by time instead of frame numbers."""
 
 from dataclasses import replace
 
@@ -12,21 +12,21 @@ from posefuse.errors import DetectionsError
 from posefuse.model.detections import Detections
 from posefuse.preprocess.timeline import nominal_rate_hz
 from posefuse.skeleton.skeletons import Skeleton
-from tests.laws import examples
+from tests.properties import examples
 
 DOTS = Skeleton("dots", ("a", "b"))
 
 
 def of_views(*times: np.ndarray, first: tuple[int, ...] | None = None) -> Detections:
-    """One person a view and frame, whose place in the image is the time; files number frames from ``first``."""
+    """Return one person per view and frame whose pixel position is the time; frames are numbered from ``first``."""
     begins = first or (0,) * len(times)
     numbers = np.arange(min(begins), max(b + len(t) for b, t in zip(begins, times, strict=True)))
     recorded = np.stack([(numbers >= b) & (numbers < b + len(t)) for b, t in zip(begins, times, strict=True)], axis=1)
     time_s = np.full(recorded.shape, np.nan)
     for v, each in enumerate(times):
         time_s[recorded[:, v], v] = each
-    seen = time_s[recorded]
-    pixels = np.repeat(np.stack([100.0 * seen, np.nonzero(recorded)[1]], axis=-1)[:, None], 2, axis=1)
+    observed = time_s[recorded]
+    pixels = np.repeat(np.stack([100.0 * observed, np.nonzero(recorded)[1]], axis=-1)[:, None], 2, axis=1)
     return Detections(
         DOTS, tuple(f"view_{v}" for v in range(len(times))), numbers, time_s,
         np.concatenate([[0], np.cumsum(recorded.ravel())]), pixels, np.ones(pixels.shape[:2]), recorded,
@@ -51,42 +51,42 @@ def test_aligned_views_are_unchanged():
 
 
 def test_half_the_rate():
-    found = align_views(of_views(np.arange(40) / 60, np.arange(20) / 30, np.arange(20) / 30))
-    np.testing.assert_allclose(found.time_s, np.repeat(np.arange(20)[:, None] / 30, 3, axis=1))
-    assert found.recorded.all()
-    assert found.rate_hz == 30
-    assert found.frame_numbers.tolist() == list(range(20))
-    pixels, _ = found.dense()
-    np.testing.assert_allclose(pixels[..., 0, 0], 100.0 * found.time_s)
+    actual = align_views(of_views(np.arange(40) / 60, np.arange(20) / 30, np.arange(20) / 30))
+    np.testing.assert_allclose(actual.time_s, np.repeat(np.arange(20)[:, None] / 30, 3, axis=1))
+    assert actual.recorded.all()
+    assert actual.rate_hz == 30
+    assert actual.frame_numbers.tolist() == list(range(20))
+    pixels, _ = actual.dense()
+    np.testing.assert_allclose(pixels[..., 0, 0], 100.0 * actual.time_s)
     assert pixels[0, :, 0, 1].tolist() == [0, 1, 2]
-    assert found.notes == (
+    assert actual.notes == (
         "Views are aligned by time: 20 frames at 30 Hz, following view_1; each view contributes its frame within 16.7 "
         "ms.",
         "View view_0 (60 Hz): 20 of its 40 frames are not used; at most 0.0 ms off.",
     )
 
 
-def test_the_faster_view_can_be_the_reference():
-    found = align_views(of_views(np.arange(40) / 60, np.arange(20) / 30), "view_0")
-    assert found.n_frames == 40
-    assert found.recorded[:, 1].tolist() == [True, False] * 20
-    assert found.rate_hz == 60
-    assert "20 of the 40 frames missing" in found.notes[-1]
+def test_faster_view_can_be_the_reference():
+    actual = align_views(of_views(np.arange(40) / 60, np.arange(20) / 30), "view_0")
+    assert actual.n_frames == 40
+    assert actual.recorded[:, 1].tolist() == [True, False] * 20
+    assert actual.rate_hz == 60
+    assert "20 of the 40 frames missing" in actual.notes[-1]
 
 
 def test_gaps_stay_gaps_and_frames_beyond_the_reference_are_kept():
     """View 0 lacks frames 4 and 5 and ends early; view 1, twice as fast, begins late and ends late."""
     slow = np.delete(np.arange(10), [4, 5]) / 30
-    found = align_views(of_views(slow, np.arange(6, 26) / 60 + 0.004))
-    assert found.frame_numbers.tolist() == list(range(13))
-    assert found.recorded[:, 0].tolist() == [True] * 4 + [False] * 2 + [True] * 4 + [False] * 3
-    assert found.recorded[:, 1].tolist() == [False] * 3 + [True] * 10
-    np.testing.assert_allclose(found.time_s[3:, 1], np.arange(3, 13) / 30 + 0.004)
+    actual = align_views(of_views(slow, np.arange(6, 26) / 60 + 0.004))
+    assert actual.frame_numbers.tolist() == list(range(13))
+    assert actual.recorded[:, 0].tolist() == [True] * 4 + [False] * 2 + [True] * 4 + [False] * 3
+    assert actual.recorded[:, 1].tolist() == [False] * 3 + [True] * 10
+    np.testing.assert_allclose(actual.time_s[3:, 1], np.arange(3, 13) / 30 + 0.004)
 
 
 @given(seed=st.integers(0, 2**31), shift=st.integers(1, 25), view=st.integers(0, 2))
 @examples(40)
-def test_the_start_of_a_file_does_not_matter_with_times(seed, shift, view):
+def test_start_of_a_file_does_not_matter_with_times(seed, shift, view):
     """The same frames, counted by one file from another moment."""
     rng = np.random.default_rng(seed)
     times = [jittered(rng, 60, 30.0, start=rng.uniform(0, 0.005)) for _ in range(3)]
@@ -125,21 +125,21 @@ def test_each_frame_is_used_once_within_half_a_period_and_alignment_is_idempoten
         np.sort(jittered(rng, int(rng.uniform(1.0, 2.0) * rate), rate, rng.uniform(0, 0.3), 0.2)) for rate in rates
     ]
     given_detections = of_views(*times)
-    found = align_views(given_detections)
-    assert align_views(found) is found
-    assert (np.diff(found.frame_numbers) > 0).all()
-    assert (found.recorded.any(axis=1)).all()
-    spread = np.nanmax(found.time_s, axis=1) - np.nanmin(found.time_s, axis=1)
-    assert spread.max() <= 1.0 / found.rate_hz * 1.01
+    actual = align_views(given_detections)
+    assert align_views(actual) is actual
+    assert (np.diff(actual.frame_numbers) > 0).all()
+    assert (actual.recorded.any(axis=1)).all()
+    spread = np.nanmax(actual.time_s, axis=1) - np.nanmin(actual.time_s, axis=1)
+    assert spread.max() <= 1.0 / actual.rate_hz * 1.01
     for v, each in enumerate(times):
-        used = found.time_s[found.recorded[:, v], v]
+        used = actual.time_s[actual.recorded[:, v], v]
         assert (np.diff(used) > 0).all()
         assert np.isin(used, each).all()
-    pixels = found.dense()[0]
-    np.testing.assert_allclose(pixels[found.recorded][:, 0, 0], 100.0 * found.time_s[found.recorded])
+    pixels = actual.dense()[0]
+    np.testing.assert_allclose(pixels[actual.recorded][:, 0, 0], 100.0 * actual.time_s[actual.recorded])
 
 
-def test_the_rate_follows_from_frame_numbers():
+def test_rate_follows_from_frame_numbers():
     """Times rounded to a tenth of a millisecond, and a view that has every other frame only."""
     times = np.round(np.arange(100) / 60, 4)
     assert nominal_rate_hz(np.arange(100), times) == pytest.approx(60, rel=1e-4)
@@ -153,7 +153,7 @@ def test_invalid_times_are_errors():
     near = np.arange(9) / 30
     with pytest.raises(DetectionsError, match=r"No two views .* view_0 0.000 to 0.267 s, view_1 50.000 to 50.267 s"):
         align_views(of_views(near, near + 50))
-    with pytest.raises(DetectionsError, match=r"view 'view_1' go backwards after frame 3"):
+    with pytest.raises(DetectionsError, match=r"view 'view_1' go backward after frame 3"):
         align_views(of_views(near, np.array([0, 1, 2, 3, 1.5, 5, 6, 7, 8]) / 30))
     half = of_views(near, near)
     with pytest.raises(DetectionsError, match="'view_1' has no time for 9 of its 9 frames"):

@@ -6,20 +6,20 @@ import pytest
 from posefuse.model.status import ViewStatus
 from posefuse.model.tracks import TrackState
 from posefuse.report.heat_map import gather_heat_map
-from tests.people import crowd, followed
+from tests.people import simulate_walkers, track_perfectly
 
 
 @pytest.fixture(scope="module")
 def result():
-    return followed(crowd(people=3, seconds=2.0))
+    return track_perfectly(simulate_walkers(people=3, seconds=2.0))
 
 
 def test_shares_and_errors_match_counts(result):
     heat_map = gather_heat_map(result.chunks(16), "measured", result.n_frames)
     layer = result.layers["measured"]
-    there = np.asarray(result.tracks.state) != TrackState.ABSENT
-    status = np.asarray(layer.view_status)[there]
-    error = np.asarray(layer.view_error_px)[there]
+    present = np.asarray(result.tracks.state) != TrackState.ABSENT
+    status = np.asarray(layer.view_status)[present]
+    error = np.asarray(layer.view_error_px)[present]
     for k, v in ((0, 0), (7, 2)):
         used = status[:, k, v] == ViewStatus.USED
         assert heat_map.shares[k, v, 1] == pytest.approx(used.mean())

@@ -34,9 +34,9 @@ def result(scene):
 
 
 def data_of(page: str) -> dict:
-    found = re.search(r'<script id="data" type="application/json">(.*?)</script>', page, re.DOTALL)
-    assert found
-    return json.loads(found.group(1))
+    actual = re.search(r'<script id="data" type="application/json">(.*?)</script>', page, re.DOTALL)
+    assert actual
+    return json.loads(actual.group(1))
 
 
 def test_page_needs_no_network(result):
@@ -72,7 +72,7 @@ def test_scene_contains_every_point(scene, result):
     np.testing.assert_allclose(points, np.array(result.best_layer()[1].points_m)[:, 0], rtol=0, atol=shown["step"])
     assert shown["truth"]
     assert len(shown["cameras"]) == 4
-    np.testing.assert_allclose(shown["cameras"][1]["center"], scene.rig.cameras[1].centre_m, atol=1e-4)
+    np.testing.assert_allclose(shown["cameras"][1]["center"], scene.rig.cameras[1].center_m, atol=1e-4)
     assert set(shown["sides"]) == {"left", "right", "middle"}
 
 

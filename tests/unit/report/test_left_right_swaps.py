@@ -19,7 +19,7 @@ CHAINS = ("arm", "leg")
 def result(rng):
     """Ten frames: legs are swapped in the second view from the sixth frame on, and the third view is undecided."""
     rig = ring(3)
-    state = np.full((10, 1, 3, 2), SwapState.AS_LABELLED, dtype=np.int8)
+    state = np.full((10, 1, 3, 2), SwapState.AS_LABELED, dtype=np.int8)
     state[5:, 0, 1, 1] = SwapState.SWAPPED
     state[:, 0, 2] = SwapState.UNKNOWN
     return replace(

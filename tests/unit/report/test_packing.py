@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 
 from posefuse.model.status import ViewStatus
 from posefuse.report.packing import encode_view_states, fit_grid, pack_covariances, pack_marks, pack_points
-from tests.laws import examples
-from tests.people import crowd, followed
+from tests.people import simulate_walkers, track_perfectly
+from tests.properties import examples
 
 
 @pytest.fixture(scope="module")
 def result():
-    return followed(crowd(people=3, seconds=2.0))
+    return track_perfectly(simulate_walkers(people=3, seconds=2.0))
 
 
 def test_every_view_status_has_a_code():
@@ -36,9 +36,9 @@ def test_packed_points_are_within_half_a_step(seed):
     steps = np.frombuffer(base64.b64decode(text), "<i2").reshape(-1, 3)
     assert n_outside == 0
     assert (steps[3] == -32768).all()
-    there = np.isfinite(points[:, 0])
+    present = np.isfinite(points[:, 0])
     back = np.array(grid.origin) + grid.step * steps
-    assert np.abs(back - points)[there].max() <= 0.501 * grid.step
+    assert np.abs(back - points)[present].max() <= 0.501 * grid.step
 
 
 @examples(30)

@@ -16,26 +16,26 @@ from posefuse.model.tracks import TrackState
 from posefuse.report.html import render_report
 from posefuse.report.people import format_event_counts, summarize_people, track_timeline
 from posefuse.report.summary import summarize
-from tests.people import TENTATIVE_FRAMES, crowd, followed, without_people
+from tests.people import TENTATIVE_FRAMES, simulate_walkers, track_perfectly, without_people
 
 
 @pytest.fixture(scope="module")
 def scene():
-    return crowd()
+    return simulate_walkers()
 
 
 @pytest.fixture(scope="module")
 def result(scene):
-    return followed(scene)
+    return track_perfectly(scene)
 
 
 def data_of(page: str) -> dict:
-    found = re.search(r'<script id="data" type="application/json">(.*?)</script>', page, re.DOTALL)
-    assert found
-    return json.loads(found.group(1))
+    actual = re.search(r'<script id="data" type="application/json">(.*?)</script>', page, re.DOTALL)
+    assert actual
+    return json.loads(actual.group(1))
 
 
-def test_people_is_in_the_scene(scene, result):
+def test_people_are_in_the_scene(scene, result):
     shown = data_of(render_report(result, scene.truth))["scene"]
     assert shown["people"] == list(result.person_ids)
     assert [layer["name"] for layer in shown["layers"]] == ["model", "measured"]
@@ -78,10 +78,12 @@ def test_person_statistics(result):
 
 def test_absent_people_have_no_missing_points(result):
     summary = summarize(result.chunks(), "model")
-    there = np.asarray(result.tracks.state) != TrackState.ABSENT
-    assert summary.n_points == 20 * there.sum()
+    present = np.asarray(result.tracks.state) != TrackState.ABSENT
+    assert summary.n_points == 20 * present.sum()
     assert summary.status_counts == {
-        code: n for code in PointStatus if (n := int((np.asarray(result.layers["model"].status)[there] == code).sum()))
+        code: n
+        for code in PointStatus
+        if (n := int((np.asarray(result.layers["model"].status)[present] == code).sum()))
     }
 
 
@@ -128,7 +130,7 @@ def test_single_person_without_events_has_no_people_section(result):
 
 @pytest.mark.long
 def test_ten_minute_report_takes_less_than_15_s():
-    short = followed(crowd(people=2, seconds=10.0))
+    short = track_perfectly(simulate_walkers(people=2, seconds=10.0))
     n = short.n_frames
     parts = [
         replace(short, frame_numbers=short.frame_numbers + i * n, time_s=short.time_s + i * n / 25, events=())

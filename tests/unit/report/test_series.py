@@ -16,20 +16,20 @@ from posefuse.report.series import (
     mean_per_interval,
 )
 from posefuse.skeleton.skeletons import shipped_skeleton
-from tests.people import crowd, followed
+from tests.people import simulate_walkers, track_perfectly
 
 
 @pytest.fixture(scope="module")
 def result():
-    return followed(crowd(people=3, seconds=2.0))
+    return track_perfectly(simulate_walkers(people=3, seconds=2.0))
 
 
 def test_series_are_means_over_each_frame(result):
     series = gather_series(result.chunks(16), "measured", result.skeleton)
     layer = result.layers["measured"]
     errors = np.asarray(layer.reprojection_error_px)[30]
-    for p, known in enumerate(np.isfinite(errors)):
-        expected = errors[p][known].mean() if known.any() else np.nan
+    for p, reference in enumerate(np.isfinite(errors)):
+        expected = errors[p][reference].mean() if reference.any() else np.nan
         np.testing.assert_allclose(series.error_px[30, p], expected)
     a, b = (result.skeleton.index(name) for name in series.bones[0])
     points = np.asarray(layer.points_m)

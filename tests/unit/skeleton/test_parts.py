@@ -6,11 +6,13 @@ import pytest
 from posefuse.errors import SkeletonError
 from posefuse.io.netcdf import skeleton_from_text, skeleton_text
 from posefuse.kernels.tracking import body_kinematics
+from posefuse.kernels.tracking.records import Pose
 from posefuse.kinematics.initial_pose import pose_from_points
 from posefuse.skeleton.parts import Part, parse_parts
 from posefuse.skeleton.skeletons import parse_skeleton, shipped_skeleton, shipped_skeletons
 from posefuse.skeleton.tree_tables import parse_tree
 from posefuse.skeleton.trees import HINGE, Tree
+from posefuse.tracking.body_states import body_of
 from tests.kernels import from_python
 
 locate = from_python(body_kinematics.locate_nodes)
@@ -26,7 +28,7 @@ def standing(tree: Tree, tips: np.ndarray | None = None) -> np.ndarray:
     bones[:, :, 2] = tree.rest if tips is None else tips
     points = np.empty((len(tree.nodes), 3))
     turns = np.tile(np.eye(3), (len(tree.segments), 1, 1))
-    locate(*tree.packed[:6], np.zeros(3), turns, bones, np.array(tree.shape_m), points)
+    locate(body_of(tree), Pose(np.zeros(3), turns, bones, np.array(tree.shape_m)), points)
     return points
 
 
@@ -34,7 +36,7 @@ def part(name: str) -> Part:
     return next(each for each in WHOLE.parts if each.name == name)
 
 
-def test_whole_body_skeletons_have_hands_and_others_have_nothing():
+def test_only_whole_body_skeletons_have_parts():
     names = {name: [each.name for each in shipped_skeleton(name).parts] for name in shipped_skeletons()}
     assert names["coco_wholebody_133"] == names["openpose_137"] == ["left_hand", "right_hand", "face"]
     assert names["mediapipe_holistic_543"] == ["left_hand", "right_hand"]
@@ -43,24 +45,24 @@ def test_whole_body_skeletons_have_hands_and_others_have_nothing():
 
 
 @pytest.mark.parametrize("skeleton", ["coco_wholebody_133", "openpose_137", "mediapipe_holistic_553"])
-def test_no_keypoint_is_of_two_trees_and_every_point_of_a_part_has_a_node(skeleton):
+def test_every_keypoint_is_in_one_tree_and_every_part_keypoint_has_a_node(skeleton):
     whole = shipped_skeleton(skeleton)
     assert whole.tree is not None
-    mine = np.concatenate([each.keypoints for each in whole.parts])
-    assert len(set(mine.tolist())) == len(mine)
-    assert (whole.tree.keypoint_nodes[mine] < 0).all()
+    first = np.concatenate([each.keypoints for each in whole.parts])
+    assert len(set(first.tolist())) == len(first)
+    assert (whole.tree.keypoint_nodes[first] < 0).all()
     for each in whole.parts:
         assert (each.tree.keypoint_nodes >= 0).all()
         names = [each.tree.nodes[n].name for n in each.tree.keypoint_nodes]
         assert names == [whole.keypoints[k] for k in each.keypoints]
 
 
-def test_a_whole_body_133_is_modeled_whole():
+def test_all_133_keypoints_of_a_whole_body_are_modeled():
     modeled = (BODY.keypoint_nodes >= 0).sum() + sum(len(each.keypoints) for each in WHOLE.parts)
     assert modeled == len(WHOLE) == 133
 
 
-def test_a_right_hand_is_the_mirror_image_of_a_left_one():
+def test_right_hand_mirrors_the_left_hand():
     left, right = part("left_hand"), part("right_hand")
     np.testing.assert_array_equal(WHOLE.mirror[left.keypoints], right.keypoints)
     np.testing.assert_allclose(standing(right.tree), standing(left.tree) * MIRROR, atol=1e-12)
@@ -69,7 +71,7 @@ def test_a_right_hand_is_the_mirror_image_of_a_left_one():
     assert WHOLE.keypoints[right.at] == "right_wrist"
 
 
-def test_a_face_is_its_own_mirror_image():
+def test_face_is_symmetric():
     face = part("face")
     points = standing(face.tree)[face.tree.keypoint_nodes]
     places = {k: i for i, k in enumerate(face.keypoints.tolist())}
@@ -79,7 +81,7 @@ def test_a_face_is_its_own_mirror_image():
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_fingers_bend_into_the_palm_and_not_out_of_it(side):
+def test_fingers_bend_towards_the_palm_only(side):
     tree = part(f"{side}_hand").tree
     far, near = np.array([0.5, 0.0, -0.8]), np.array([0.0, 0.0, -1.0])
     hinges = [limit for limit in tree.limits if limit.kind == HINGE]
@@ -90,19 +92,19 @@ def test_fingers_bend_into_the_palm_and_not_out_of_it(side):
         assert -inwards < limit.least
 
 
-def test_a_face_of_points_beside_points_stands_where_it_is_put(rng):
+def test_initial_pose_of_a_face_recovers_its_rotation(rng):
     tree = part("face").tree
     truth = standing(tree)
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     turn *= np.sign(np.linalg.det(turn))
     moved = truth[tree.keypoint_nodes] @ turn.T + [1.0, 2.0, 1.5]
     root, turns, _ = pose_from_points(tree, moved, np.array(tree.shape_m))
-    # A first pose leans a little towards no turn at all.
+    # A first pose leans a little toward no turn at all.
     np.testing.assert_allclose(root, [1.0, 2.0, 1.5], atol=5e-3)
     np.testing.assert_allclose(turns, np.stack([turn, turn]), atol=0.05)
 
 
-def test_a_point_beside_a_point_has_no_lengths_of_its_own():
+def test_offset_points_add_no_lengths():
     table = {
         "segments": {"trunk": {}},
         "points": {
@@ -118,13 +120,13 @@ def test_a_point_beside_a_point_has_no_lengths_of_its_own():
         parse_tree({**table, "points": {"lid": ["ear", 0.0, 0.0, 0.1]}}, ["lid"], {}, "thing")
 
 
-def test_parts_come_back_from_a_file_as_they_went():
+def test_parts_round_trip():
     back = skeleton_from_text(skeleton_text(WHOLE))
-    for mine, theirs in zip(WHOLE.parts, back.parts, strict=True):
-        assert (mine.name, mine.at, mine.like) == (theirs.name, theirs.at, theirs.like)
-        np.testing.assert_array_equal(mine.keypoints, theirs.keypoints)
-        assert mine.tree.nodes == theirs.tree.nodes
-        assert mine.tree.limits == theirs.tree.limits
+    for first, second in zip(WHOLE.parts, back.parts, strict=True):
+        assert (first.name, first.at, first.like) == (second.name, second.at, second.like)
+        np.testing.assert_array_equal(first.keypoints, second.keypoints)
+        assert first.tree.nodes == second.tree.nodes
+        assert first.tree.limits == second.tree.limits
     mouse = shipped_skeleton("mouse_22")
     read = skeleton_from_text(skeleton_text(mouse)).tree
     assert mouse.tree is not None
@@ -132,7 +134,7 @@ def test_parts_come_back_from_a_file_as_they_went():
     assert read.size_m == mouse.tree.size_m
 
 
-def test_a_part_that_is_not_there_is_named():
+def test_missing_part_is_named():
     with pytest.raises(SkeletonError, match=r"No shared body 'wing'.*hand"):
         parse_parts({"parts": ["wing"]}, WHOLE.tree, WHOLE.keypoints, {}, "thing")
     with pytest.raises(SkeletonError, match="tree.parts must be a list of names"):

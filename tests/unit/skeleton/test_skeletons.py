@@ -1,4 +1,4 @@
-"""Skeletons: the shipped ones, their maps, and what a TOML file may say."""
+"""Skeletons: the shipped ones, their mappings, and TOML files."""
 
 import numpy as np
 import pytest
@@ -25,12 +25,12 @@ SIZES = {
 HUMANS = [name for name in SIZES if name not in ("mouse_22", "fly_38")]
 
 
-def test_the_shipped_skeletons_are_these():
+def test_shipped_skeletons_are_listed():
     assert {name: len(shipped_skeleton(name)) for name in shipped_skeletons()} == SIZES
 
 
 @pytest.mark.parametrize("name", SIZES)
-def test_shipped_skeletons_hold_together(name):
+def test_shipped_skeletons_are_consistent(name):
     skeleton = shipped_skeleton(name)
     assert skeleton.name == name
     assert skeleton.description
@@ -56,7 +56,7 @@ def test_maps_keep_shared_names(a, b):
     assert {name for name in other.keypoints if name in one.keypoints} <= set(sources)
 
 
-def test_every_body_maps_to_body_20_or_says_what_lacks():
+def test_every_body_maps_to_body_20_or_names_missing_keypoints():
     body = shipped_skeleton("body_20")
     assert set(shipped_skeleton("coco_17").sources_of(body)) == set(body.keypoints)
     assert set(shipped_skeleton("halpe_26").sources_of(body)) == set(body.keypoints)
@@ -66,7 +66,7 @@ def test_every_body_maps_to_body_20_or_says_what_lacks():
 
 
 @pytest.mark.parametrize("name", HUMANS)
-def test_the_core_of_a_body_is_its_limbs(name):
+def test_core_of_a_body_consists_of_its_limb_joints(name):
     skeleton = shipped_skeleton(name)
     joints = {f"{side}_{joint}" for side in ("left", "right") for joint in ("shoulder", "elbow", "wrist")}
     joints |= {f"{side}_{joint}" for side in ("left", "right") for joint in ("hip", "knee", "ankle")}
@@ -80,7 +80,7 @@ def test_the_core_of_a_body_is_its_limbs(name):
         assert [low, high] == range_m
 
 
-def test_without_a_core_every_keypoint_is_in_it():
+def test_all_keypoints_are_core_by_default():
     mouse = parse_skeleton('name = "mouse"\nkeypoints = ["nose", "left_ear", "right_ear"]', "mouse.toml")
     assert mouse.core_indices.tolist() == [0, 1, 2]
     assert mouse.core_mirror.tolist() == [0, 2, 1]
@@ -94,12 +94,12 @@ def test_without_a_core_every_keypoint_is_in_it():
 @pytest.mark.parametrize(
     ("core", "words"), [('["tail"]', "core names 'tail'"), ('["nose", "nose"]', "core repeats a key")]
 )
-def test_a_core_of_other_keypoints_is_refused(core, words):
+def test_core_with_unknown_keypoints_is_refused(core, words):
     with pytest.raises(SkeletonError, match=words):
         parse_skeleton(f'name = "mouse"\nkeypoints = ["nose"]\ncore = {core}', "mouse.toml")
 
 
-def test_what_is_rigid_is_rigid_on_both_sides():
+def test_rigid_edges_are_symmetric():
     arm = parse_skeleton(
         'name = "arm"\nkeypoints = ["neck", "left_elbow", "right_elbow"]\n'
         'edges = [["neck", "left_elbow"], ["neck", "right_elbow"]]\nrigid = [["neck", "left_elbow"]]',
@@ -110,14 +110,14 @@ def test_what_is_rigid_is_rigid_on_both_sides():
         parse_skeleton('name = "arm"\nkeypoints = ["neck", "left_elbow"]\nrigid = [["left_elbow", "neck"]]', "arm.toml")
 
 
-def test_names_are_found_however_written():
+def test_names_are_matched_in_any_spelling():
     assert find_skeleton("COCO-17") == find_skeleton("coco_17")
     assert find_skeleton("body20").name == "body_20"
     with pytest.raises(SkeletonError, match=r"No skeleton 'coco_18'\. Did you mean 'coco_17'"):
         find_skeleton("coco_18")
 
 
-def test_other_programs_names_lead_to_ours():
+def test_names_of_other_programs_are_recognized():
     skeleton = find_skeleton("body_25b")
     assert skeleton.canonical("RHip") == "right_hip"
     assert skeleton.canonical("Neck") == "upper_neck"
@@ -135,7 +135,7 @@ head = ["earL"]
 """
 
 
-def test_an_animal_is_just_another_file(tmp_path):
+def test_animal_skeleton_is_read_from_a_file(tmp_path):
     path = tmp_path / "mouse.toml"
     path.write_text(MOUSE)
     mouse = find_skeleton(path)
@@ -159,11 +159,11 @@ def test_an_animal_is_just_another_file(tmp_path):
         (("[chains]", "[chains"), "is not valid TOML"),
     ],
 )
-def test_files_that_describe_no_skeleton_are_refused(change, words):
+def test_invalid_skeleton_files_are_refused(change, words):
     with pytest.raises(SkeletonError, match=words):
         parse_skeleton(MOUSE.replace(*change), "mouse.toml")
 
 
-def test_a_missing_file_is_said():
+def test_missing_file_is_an_error():
     with pytest.raises(SkeletonError, match="No skeleton file rat.toml"):
         find_skeleton("rat.toml")

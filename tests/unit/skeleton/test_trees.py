@@ -1,16 +1,14 @@
-"""Kinematic trees: what a table may say, what it makes, and what it is told when it is wrong."""
-
-import re
+"""Kinematic trees: valid tables, the resulting trees, and errors."""
 
 import numpy as np
 import pytest
 
-from posefuse.errors import SkeletonError
 from posefuse.kernels.tracking import body_kinematics
-from posefuse.skeleton.skeletons import parse_skeleton, shipped_skeleton, shipped_skeletons
-from posefuse.skeleton.tree_tables import parse_tree, shared_body
+from posefuse.kernels.tracking.records import Pose
+from posefuse.skeleton.skeletons import shipped_skeleton, shipped_skeletons
+from posefuse.skeleton.tree_tables import parse_tree
 from posefuse.skeleton.trees import ADULT_M, CONE, HINGE, TWIST, Tree
-from posefuse.skeleton.trees_from_edges import spanning_tree
+from posefuse.tracking.body_states import body_of
 from tests.kernels import from_python
 
 locate = from_python(body_kinematics.locate_nodes)
@@ -20,7 +18,7 @@ PARTNER = {"left_hip": "right_hip", "left_knee": "right_knee", "left_ankle": "ri
 
 
 def table(**changes: object) -> dict[str, object]:
-    """A pelvis with legs, and a head that sits on a neck which no detector sees."""
+    """Return the table of a pelvis with legs, and a head on a neck without a keypoint."""
     whole: dict[str, object] = {
         "segments": {"pelvis": {}, "head": {"at": "neck"}},
         "points": {
@@ -46,11 +44,11 @@ def at_rest(tree: Tree) -> dict[str, np.ndarray]:
     bones[:, :, 2] = tree.rest
     points = np.empty((len(tree.nodes), 3))
     turns = np.tile(np.eye(3), (len(tree.segments), 1, 1))
-    locate(*tree.packed[:6], np.zeros(3), turns, bones, np.asarray(tree.shape_m), points)
+    locate(body_of(tree), Pose(np.zeros(3), turns, bones, np.asarray(tree.shape_m)), points)
     return {node.name: point for node, point in zip(tree.nodes, points, strict=True)}
 
 
-def test_a_standing_body_is_where_its_table_says():
+def test_rest_pose_matches_the_table():
     points = at_rest(tree_of())
     shin = 0.38 * np.array([0.1, 0.2, -1.0]) / np.linalg.norm([0.1, 0.2, -1.0])
     np.testing.assert_allclose(points["left_hip"], [0.0, 0.1, 0.02], atol=1e-12)
@@ -60,7 +58,7 @@ def test_a_standing_body_is_where_its_table_says():
 
 
 @pytest.mark.parametrize("name", [name for name in shipped_skeletons() if shipped_skeleton(name).tree is not None])
-def test_a_standing_body_is_its_own_mirror_image(name):
+def test_rest_pose_is_symmetric(name):
     skeleton = shipped_skeleton(name)
     assert skeleton.tree is not None
     points = at_rest(skeleton.tree)
@@ -85,19 +83,19 @@ def test_sides_share_their_lengths():
         assert tree.nodes[tree.node(left)].shape == tree.nodes[tree.node(right)].shape
 
 
-def test_a_coordinate_of_zero_is_nobodys_own():
+def test_zero_coordinate_has_no_length_parameter():
     hip = tree_of().nodes[tree_of().node("left_hip")]
     assert hip.shape[0] == -1
     assert min(hip.shape[1:]) >= 0
 
 
-def test_numbers_of_a_pose_are_counted():
+def test_pose_parameters_are_counted():
     tree = tree_of()
     assert tree.n_pose == 3 + 3 * 2 + 2 * 4
     assert tree.n_shape == len(tree.shape_m) == 7
 
 
-def test_points_without_keypoints_are_left_out_unless_keypoints_hang_on_them():
+def test_points_without_keypoints_are_omitted_unless_they_have_children():
     assert {node.name for node in tree_of().nodes} >= {"pelvis", "neck", "nose"}
     legs = tree_of(KEYPOINTS[1:])
     assert {node.name for node in legs.nodes} == {"pelvis", *KEYPOINTS[1:]}
@@ -108,7 +106,7 @@ def test_points_without_keypoints_are_left_out_unless_keypoints_hang_on_them():
     np.testing.assert_array_equal(hidden.keypoint_nodes, [hidden.node("left_ankle"), hidden.node("right_ankle")])
 
 
-def test_keypoints_that_no_table_names_have_no_node():
+def test_keypoints_missing_in_the_table_have_no_node():
     tree = tree_of([*KEYPOINTS, "tail"])
     assert tree.keypoint_nodes[-1] == -1
     assert (tree.keypoint_nodes[:-1] >= 0).all()
@@ -136,7 +134,7 @@ def test_limits_hold_for_both_sides():
     assert twist.least == pytest.approx(np.cos(np.radians(80.0)))
 
 
-def test_a_hinge_bends_the_same_way_on_both_sides():
+def test_hinge_bends_the_same_way_on_both_sides():
     """Of a limb bent in any plane, and its mirror image, both overstep their hinge or neither does."""
     tree = tree_of(hinges={"left_ankle": ["pelvis", [0.3, 1.0, 0.2]]})
     left, right = (limit for limit in tree.limits if limit.kind == HINGE)
@@ -147,7 +145,7 @@ def test_a_hinge_bends_the_same_way_on_both_sides():
         assert np.cross(thigh * mirror, shin * mirror) @ right.axis == pytest.approx(here)
 
 
-def test_spread_is_of_each_length_and_of_all_together():
+def test_shape_covariance_has_individual_and_common_parts():
     tree = tree_of(spread=0.1, size_spread=0.2)
     knee, ankle = tree.shape_names.index("left_knee"), tree.shape_names.index("left_ankle")
     assert tree.shape_covariance[knee, knee] == pytest.approx((0.1**2 + 0.2**2) * 0.4**2)
@@ -155,94 +153,10 @@ def test_spread_is_of_each_length_and_of_all_together():
     assert np.linalg.eigvalsh(tree.shape_covariance).min() > 0
 
 
-def test_size_says_what_lengths_in_options_are():
+def test_size_scales_lengths_of_options():
     assert tree_of().scale == 1.0
     assert tree_of(size_m=ADULT_M / 10).scale == pytest.approx(0.1)
     # How far a small body's points are off is small too.
     nose = tree_of().shape_names.index("nose.up")
     large, small = (t.shape_covariance[nose, nose] for t in (tree_of(spread=1e-6), tree_of(spread=1e-6, size_m=0.175)))
     assert large - small == pytest.approx(0.015**2 - 0.0015**2)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"segmants": {}}, "tree has no table 'segmants'. Did you mean 'segments'?"),
-        ({"spread": -0.1}, "tree.spread must be a positive number, got -0.1"),
-        ({"size_m": "large"}, "tree.size_m must be a positive number, got 'large'"),
-        ({"segments": {}}, "tree has no segments; at least one is needed, and the first is the root"),
-        ({"segments": {"pelvis": {"at": "neck"}}}, "tree.segments.pelvis must be {}, because it is the root"),
-        (
-            {"segments": {"pelvis": {}, "head": {}}},
-            'tree.segments.head must be { at = "the point about which it rotates" }',
-        ),
-        ({"segments": {"pelvis": {}, "left_foot": {"at": "left_ankle"}}}, "'left_foot' but no 'right_foot': name both"),
-        ({"points": {"nose": ["head", 0.1, 0.0]}}, "tree.points.nose must be [segment or point, forward, left, up]"),
-        ({"points": {"nose": ["haed", 0.1, 0.0, 0.1]}}, "no segment 'haed'. Did you mean 'head'?"),
-        ({"bones": {"left_knee": ["left_hip", -0.4]}}, "tree.bones.left_knee must be [point, length] or"),
-        ({"bones": {"left_knee": ["left_hip", 0.4, [0, 0, 0]]}}, "tree.bones.left_knee must be"),
-        ({"hinges": {"left_ankle": ["pelvis", [0, 1]]}}, "left_ankle must be [segment, [forward, left, up]]"),
-        ({"hinges": {"left_ankel": ["pelvis", [0, 1, 0]]}}, "not such an end. Did you mean 'left_ankle'?"),
-        ({"hinges": {"left_knee": ["pelvis", [0, 1, 0]]}}, "no bone ends at 'left_hip'"),
-        ({"cones": {"left_knee": ["pelvis", [0, 1, 0]]}}, "left_knee must be [segment, [forward, left, up], degrees]"),
-        ({"twists": {"hat": ["pelvis", [0, 1, 0], 9]}}, "tree.twists contains 'hat', which is not such an end"),
-        ({"twists": {"head": ["palvis", [0, 1, 0], 9]}}, "no segment 'palvis'. Did you mean 'pelvis'?"),
-        ({"bones": {"nose": ["neck", 0.1]}}, "'nose' is defined twice"),
-        ({"bones": {"left_knee": ["left_hop", 0.4]}}, "points left_knee of the tree have unknown parents"),
-    ],
-)  # fmt: skip
-def test_errors_say_what_is_wrong_and_what_there_is(changes, message):
-    if "hinges" not in changes:
-        changes = {"hinges": {}, **changes}
-    if "bones" in changes:
-        changes = {"cones": {}, **changes}
-    if "segments" in changes:
-        changes = {"points": {}, "bones": {}, "cones": {}, "twists": {}, **changes}
-    with pytest.raises(SkeletonError, match=re.escape(message)) as caught:
-        tree_of(**changes)
-    assert "'thing'" in str(caught.value)
-
-
-def test_a_shared_body_must_exist():
-    with pytest.raises(SkeletonError, match=r"No shared body 'humna'. Did you mean 'human'"):
-        shared_body("humna")
-    with pytest.raises(SkeletonError, match="tree must be a table or the name of a shared body, got 3"):
-        parse_skeleton('name = "thing"\nkeypoints = ["a"]\ntree = 3', "thing.toml")
-
-
-EDGES = np.array([[0, 1], [0, 2], [3, 1], [4, 2], [0, 5], [3, 4]])
-
-
-def ring(spread: float = 0.1) -> Tree:
-    """a-b-d, a-c-e, a-f, d-e: b and c, d and e are partners, and d-e closes a ring; g hangs on nothing."""
-    lengths = np.array([1.0, 1.2, 2.0, 2.4, 3.0, 4.0])
-    return spanning_tree(list("abcdefg"), EDGES, lengths, spread, 5.0, np.array([0, 2, 1, 4, 3, 5, 6]))
-
-
-def test_edges_are_a_tree_of_bones():
-    tree = ring()
-    assert tree.nodes[0].name == "a"
-    parents = {node.name: tree.nodes[node.parent].name for node in tree.nodes[1:]}
-    assert parents == {"b": "a", "c": "a", "f": "a", "d": "b", "e": "c"}
-    assert tree.keypoint_nodes[-1] == -1
-    assert (tree.n_pose, tree.size_m) == (3 + 2 * 5, 5.0)
-
-
-def test_mirrored_edges_are_of_one_length():
-    tree = ring(0.3)
-    assert tree.shape_names == ("b", "f", "d")
-    np.testing.assert_allclose(tree.shape_m, [1.0, 3.0, 2.0])
-    np.testing.assert_allclose(np.diag(tree.shape_covariance), 2.0 * (0.3 * np.asarray(tree.shape_m)) ** 2)
-    assert tree.nodes[tree.node("c")].place_m[2] == 1.0
-
-
-def test_a_tree_of_which_only_the_size_is_known():
-    text = 'name = "worm"\nkeypoints = ["head", "middle", "tail"]\nedges = [["head", "middle"], ["middle", "tail"]]\n'
-    tree = parse_skeleton(f"{text}[tree]\nsize_m = 0.02", "worm.toml").tree
-    assert tree is not None
-    assert (tree.size_m, tree.nodes[0].name, tree.n_pose) == (0.02, "middle", 7)
-    assert parse_skeleton(text, "worm.toml").tree is None
-    with pytest.raises(SkeletonError, match="no edges that could be its bones"):
-        parse_skeleton('name = "dots"\nkeypoints = ["a", "b"]\n[tree]\nsize_m = 1.0', "dots.toml")
-    with pytest.raises(SkeletonError, match="tree.size_m must be a positive number, got 0"):
-        parse_skeleton(f"{text}[tree]\nsize_m = 0", "worm.toml")

@@ -29,16 +29,16 @@ def person(name: str, life: TrackState, missing_s: float) -> Person:
     return Person(name, life, np.empty((KEYPOINTS, 3)), np.empty((KEYPOINTS, 6)), rows, used, 1.0, missing_s)
 
 
-def tell(history: History, frame: int, states: dict[str, State], past=None, lost=None, numbers=None) -> None:
+def add_frame(history: History, frame: int, states: dict[str, State], past=None, lost=None, numbers=None) -> None:
     """Add a frame with the states of some people, past states of new ones, and the times for which others are lost."""
     everybody = empty_state(history.settings.tree)
     for state in states.values():
         everybody = join_states(everybody, state)
     lost = lost or {}
-    told = [person(n, TrackState.LOST if n in lost else TrackState.ACTIVE, lost.get(n, 0.0)) for n in states]
+    results = [person(n, TrackState.LOST if n in lost else TrackState.ACTIVE, lost.get(n, 0.0)) for n in states]
     tracks = [SimpleNamespace(name=name, number=(numbers or {}).get(name, int(name[-1]))) for name in states]
     tracker = SimpleNamespace(tracks=tracks, state=everybody)
-    people = People(10 + 2 * frame, DT_S * frame, tuple(reversed(told)), ())
+    people = People(10 + 2 * frame, DT_S * frame, tuple(reversed(results)), ())
     history.add(tracker, TrackedFrame(people, past or {}, ()))  # type: ignore[arg-type]
 
 
@@ -46,7 +46,7 @@ def history_of(settings: TrackerSettings, states: State, lost=None) -> History:
     history = History(settings)
     for k in range(len(states.root)):
         past = {"person_1": []} if k == 0 else {}
-        tell(
+        add_frame(
             history,
             k,
             {"person_1": select_states(states, [k])},
@@ -56,7 +56,7 @@ def history_of(settings: TrackerSettings, states: State, lost=None) -> History:
     return history
 
 
-def taken(history: History, stops: list[int]) -> list[SmoothedPerson]:
+def smooth_until(history: History, stops: list[int]) -> list[SmoothedPerson]:
     smoother = PeopleSmoother(history)
     return [part for stop in stops for part in smoother.take(stop)]
 
@@ -79,7 +79,7 @@ def test_history_returns_what_it_recorded(settings, rng, monkeypatch):
 def test_frames_are_ordered_and_addressed_by_number(settings, rng):
     history = history_of(settings, filtered(settings, 3, rng))
     with pytest.raises(DetectionsError, match="in order"):
-        tell(history, 1, {})
+        add_frame(history, 1, {})
     with pytest.raises(DetectionsError, match="no frame 11"):
         history.place(11)
 
@@ -88,9 +88,9 @@ def test_history_holds_frames_before_confirmation(settings, rng):
     states = filtered(settings, 10, rng)
     history = History(settings)
     for k in range(6):
-        tell(history, k, {})
+        add_frame(history, k, {})
     past = [PastState(10 + 2 * k, DT_S * k, select_states(states, [k]), np.arange(VIEWS)) for k in (2, 3, 5)]
-    tell(history, 6, {"person_1": select_states(states, [6])}, {"person_1": past})
+    add_frame(history, 6, {"person_1": select_states(states, [6])}, {"person_1": past})
     (run,) = history.runs(0, 7)
     np.testing.assert_array_equal(run.places, np.arange(2, 7))
     np.testing.assert_array_equal(run.life, [TrackState.TENTATIVE] * 4 + [TrackState.ACTIVE])
@@ -108,26 +108,26 @@ def test_run_ends_at_reinitialization_and_at_gaps(settings, rng):
     history = History(settings)
     for k in range(12):
         past = {"person_1": []} if k in (0, 5) else {}
-        tell(history, k, {} if k == 8 else {"person_1": select_states(states, [k])}, past)
+        add_frame(history, k, {} if k == 8 else {"person_1": select_states(states, [k])}, past)
     assert [run.places.tolist() for run in history.runs(0, 12)] == [[0, 1, 2, 3, 4], [5, 6, 7], [9, 10, 11]]
 
 
-def test_a_body_has_its_history_whatever_it_is_called(settings, rng):
+def test_history_follows_the_track_and_not_its_name(settings, rng):
     """A body keeps its own history after an identity swap."""
     states = filtered(settings, 12, rng)
     history = History(settings)
     for k in range(12):
-        mine, other = ("person_1", "person_2") if k < 6 else ("person_2", "person_1")
-        there = select_states(states, [k])
-        beside = there._replace(root=there.root + 2.0)
-        tell(history, k, {mine: there, other: beside}, numbers={mine: 1, other: 2})
+        first, other = ("person_1", "person_2") if k < 6 else ("person_2", "person_1")
+        others = select_states(states, [k])
+        beside = others._replace(root=others.root + 2.0)
+        add_frame(history, k, {first: others, other: beside}, numbers={first: 1, other: 2})
     one, two = history.runs(0, 12)
     assert (one.number, two.number) == (1, 2)
     np.testing.assert_array_equal(one.state.root, states.root)
     np.testing.assert_array_equal(two.state.root, states.root + 2.0)
 
 
-def test_a_long_history_opens_one_file(settings, rng, monkeypatch):
+def test_long_history_opens_one_file(settings, rng, monkeypatch):
     monkeypatch.setattr(history_module, "_BLOCK_S", 0.1)
     opened = []
     temporary = history_module.tempfile.TemporaryFile
@@ -141,11 +141,11 @@ def test_a_long_history_opens_one_file(settings, rng, monkeypatch):
 
 
 @pytest.mark.parametrize("stops", [[60, 120], [7, 30, 31, 95, 120]])
-def test_blocks_are_the_whole(settings, rng, stops):
+def test_smoothing_in_blocks_equals_smoothing_at_once(settings, rng, stops):
     """The blocks agree to 1e-6 m with a look-ahead of 2 s."""
     history = history_of(settings, filtered(settings, 120, rng, kept_from=70))
-    (whole,) = taken(history, [120])
-    parts = taken(history, stops)
+    (whole,) = smooth_until(history, [120])
+    parts = smooth_until(history, stops)
     for name in ("root_m", "points_m", "shape_m", "directions", "shape_sd_m"):
         got = np.concatenate([getattr(part.body, name) for part in parts])
         np.testing.assert_allclose(got, getattr(whole.body, name), atol=1e-6, err_msg=name)
@@ -154,39 +154,39 @@ def test_blocks_are_the_whole(settings, rng, stops):
 
 
 @pytest.mark.parametrize("start", [30, 100])
-def test_any_range_is_that_of_the_whole(settings, rng, start):
+def test_smoothing_any_range_equals_smoothing_at_once(settings, rng, start):
     """The range agrees to 1e-5 m, also if it starts while the shape is estimated."""
     history = history_of(settings, filtered(settings, 200, rng, kept_from=50))
-    (whole,) = taken(history, [200])
+    (whole,) = smooth_until(history, [200])
     (part,) = PeopleSmoother(history, start, settings).take(start + 40)
     np.testing.assert_array_equal(part.places, np.arange(start, start + 40))
-    theirs = whole.body.frames(start, start + 40)
-    np.testing.assert_allclose(part.body.points_m, theirs.points_m, atol=1e-5)
-    np.testing.assert_allclose(part.body.covariance_m2, theirs.covariance_m2, atol=1e-8)
+    second = whole.body.frames(start, start + 40)
+    np.testing.assert_allclose(part.body.points_m, second.points_m, atol=1e-5)
+    np.testing.assert_allclose(part.body.covariance_m2, second.covariance_m2, atol=1e-8)
 
 
-def test_a_lag_of_everything_is_the_full_smoother(settings, rng):
+def test_lag_of_the_whole_recording_equals_the_full_smoother(settings, rng):
     states = filtered(settings, 30, rng)
-    full = taken(history_of(settings, states), [30])
+    full = smooth_until(history_of(settings, states), [30])
     options = replace(settings.options, smoother="lag", lag_s=10.0)
-    lag = taken(history_of(replace(settings, options=options), states), [30])
+    lag = smooth_until(history_of(replace(settings, options=options), states), [30])
     assert len(lag) == 30
     np.testing.assert_allclose(np.concatenate([part.body.points_m for part in lag]), full[0].body.points_m, atol=1e-9)
 
 
-def test_no_smoother_is_the_filter(settings, rng):
+def test_without_smoother_states_are_those_of_the_filter(settings, rng):
     states = filtered(settings, 30, rng)
     options = replace(settings.options, smoother="none")
-    (part,) = taken(history_of(replace(settings, options=options), states), [30])
+    (part,) = smooth_until(history_of(replace(settings, options=options), states), [30])
     np.testing.assert_array_equal(part.body.root_m, states.root)
 
 
-def test_short_losses_are_bridged_and_long_ones_left_out(settings, rng):
+def test_short_losses_are_bridged_and_long_ones_are_not(settings, rng):
     states = filtered(settings, 40, rng)
     lost = {k: (k - 10) * 0.2 for k in range(10, 30)}
-    long = taken(history_of(settings, states, lost), [40])
+    long = smooth_until(history_of(settings, states, lost), [40])
     assert [(part.places[0], part.places[-1]) for part in long] == [(0, 20), (30, 39)]
-    short = taken(history_of(settings, states, {k: 0.1 for k in range(10, 30)}), [40])
+    short = smooth_until(history_of(settings, states, {k: 0.1 for k in range(10, 30)}), [40])
     assert [len(part.places) for part in short] == [40]
 
 
@@ -203,11 +203,11 @@ def test_loss_is_bridged_across_a_reinitialization(settings, rng):
         if k >= 25:
             here = here._replace(bones=here.bones @ turn)
         lost = {"person_1": DT_S * (k - 14)} if 15 <= k < 25 else {}
-        tell(history, k, {"person_1": here}, {"person_1": []} if k in (0, 25) else {}, lost)
+        add_frame(history, k, {"person_1": here}, {"person_1": []} if k in (0, 25) else {}, lost)
         if k < 25:
-            tell(lone, k, {"person_1": here}, {"person_1": []} if k == 0 else {}, lost)
-    before, after = taken(history, [40])
-    (alone,) = taken(lone, [25])
+            add_frame(lone, k, {"person_1": here}, {"person_1": []} if k == 0 else {}, lost)
+    before, after = smooth_until(history, [40])
+    (alone,) = smooth_until(lone, [25])
     assert len(before.places) == 25
     gap_m = np.linalg.norm(after.body.points_m[0] - before.body.points_m[24], axis=-1)
     lone_gap_m = np.linalg.norm(after.body.points_m[0] - alone.body.points_m[24], axis=-1)

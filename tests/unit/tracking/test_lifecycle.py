@@ -14,8 +14,15 @@ from posefuse.model.options.tracker import PartOptions, TrackerOptions
 from posefuse.model.tracks import TrackState
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
-from posefuse.tracking.body_states import ProjectedBodies
-from posefuse.tracking.lifecycle import LifecycleThresholds, new_track, tracks_to_terminate, update_last_inside
+from posefuse.tracking.body_states import ProjectedBodies, join_states
+from posefuse.tracking.lifecycle import (
+    LifecycleThresholds,
+    fix_shape,
+    new_track,
+    swap_identities,
+    tracks_to_terminate,
+    update_last_inside,
+)
 from posefuse.tracking.records import Track
 from posefuse.tracking.settings import TrackerSettings
 
@@ -71,7 +78,7 @@ def test_inside_is_where_two_views_overlap(x_m, inside):
     track, body = tracked_person(settings, TrackState.LOST)
     body.root[0, 0] = x_m
     projected = ProjectedBodies.allocate(1, len(RIG), len(SKELETON))
-    project_people(settings.cameras, settings.body, body, *projected.arrays)
+    project_people(settings.cameras, settings.body, body, projected.arrays)
     update_last_inside([track], projected, 5.0, settings)
     assert (track.last_inside_s == 5.0) == inside
 
@@ -98,3 +105,30 @@ def test_limits_are_positive():
 def test_half_of_few_keypoints_support_a_person():
     assert settings_with().options.min_joints == 4
     assert settings_with(min_joints=30).options.min_joints == 10
+
+
+def test_bone_lengths_follow_the_name_after_an_identity_swap():
+    """One shape is fixed and one is free; both stay so, and covariances stay valid."""
+    settings = settings_with()
+    (one, first), (other, second) = (tracked_person(settings, TrackState.ACTIVE) for _ in range(2))
+    other.number, other.name = 2, "person_2"
+    state = join_states(first, second)
+    state.shape[1] *= 1.1
+    state.root[1] += 1.0
+    one.last_multiview_s = 1e3
+    fix_shape(one, state, 0, 1e3, 1e3, settings)
+    roots, shapes, covariance = state.root.copy(), state.shape.copy(), state.covariance.copy()
+    n, h = settings.tree.n_pose, settings.tree.n_shape
+    swap_identities([one, other], state, 0, 1)
+    assert [(t.number, t.name, t.known_shape is not None, t.shape_observed_s) for t in (one, other)] == [
+        (1, "person_2", False, 0.0),
+        (2, "person_1", True, 1e3),
+    ]
+    np.testing.assert_array_equal(state.root, roots)
+    np.testing.assert_array_equal(state.shape, shapes[::-1])
+    np.testing.assert_array_equal(state.free, [1, 0])
+    lengths = slice(n, n + h)
+    np.testing.assert_array_equal(state.covariance[0, lengths, lengths], covariance[1, lengths, lengths])
+    assert not state.covariance[1, lengths].any()
+    np.testing.assert_array_equal(state.covariance[:, :n, :n], covariance[:, :n, :n])
+    np.linalg.cholesky(state.covariance[0])

@@ -38,7 +38,7 @@ def standing_px(tracker: ArticulatedTracker) -> np.ndarray:
     points[SKELETON.index("mid_hip")] = [0.1, 0.2, 0.95]
     body = initial_state(tree, points, np.asarray(tree.shape_m), tree.shape_covariance, tracker.settings.options.motion)
     projected = ProjectedBodies.allocate(1, len(RIG), len(SKELETON))
-    project_people(tracker.settings.cameras, tracker.settings.body, body, *projected.arrays)
+    project_people(tracker.settings.cameras, tracker.settings.body, body, projected.arrays)
     return projected.pixels[0]
 
 
@@ -56,24 +56,24 @@ def frame_of(number: int, shown: np.ndarray, views: tuple[int, ...], rng: np.ran
     )
 
 
-def watched(tracker: ArticulatedTracker, spells: list[tuple[float, tuple[int, ...]]]) -> list[People]:
+def track_intervals(tracker: ArticulatedTracker, intervals: list[tuple[float, tuple[int, ...]]]) -> list[People]:
     """Return the people of each frame while views show a person for given durations."""
-    rng, shown, told = np.random.default_rng(0), standing_px(tracker), []
-    for seconds, views in spells:
-        told += [tracker.update(frame_of(len(told) + i, shown, views, rng)) for i in range(round(seconds / DT_S))]
-    return told
+    rng, shown, results = np.random.default_rng(0), standing_px(tracker), []
+    for seconds, views in intervals:
+        results += [tracker.update(frame_of(len(results) + i, shown, views, rng)) for i in range(round(seconds / DT_S))]
+    return results
 
 
-def active_s(told: list[People]) -> float:
-    return DT_S * sum(any(p.state == TrackState.ACTIVE for p in people.people) for people in told)
+def active_s(results: list[People]) -> float:
+    return DT_S * sum(any(p.state == TrackState.ACTIVE for p in people.people) for people in results)
 
 
 def test_two_of_five_views_do_not_confirm_a_track():
-    assert active_s(watched(tracker_with(), [(3.0, (0, 2))])) == 0.0
+    assert active_s(track_intervals(tracker_with(), [(3.0, (0, 2))])) == 0.0
 
 
 def test_three_views_confirm_a_track_within_0_2_s():
-    assert active_s(watched(tracker_with(), [(1.0, (0, 2, 3))])) > 0.8
+    assert active_s(track_intervals(tracker_with(), [(1.0, (0, 2, 3))])) > 0.8
 
 
 def test_two_views_alone_confirm_a_track_after_1_s():
@@ -83,16 +83,16 @@ def test_two_views_alone_confirm_a_track_after_1_s():
     began = None
     for i in range(50):
         frame = frame_of(i, shown, (0, 2), rng)
-        told = tracker.update(replace(frame, recorded=~others))
-        if began is None and any(p.state == TrackState.ACTIVE for p in told.people):
+        results = tracker.update(replace(frame, recorded=~others))
+        if began is None and any(p.state == TrackState.ACTIVE for p in results.people):
             began = i * DT_S
     assert began == pytest.approx(1.0, abs=0.1)
 
 
 def test_established_track_survives_in_one_view():
-    told = watched(tracker_with(), [(FIRM_S, EVERY), (2.0, (1,)), (0.4, EVERY)])
-    assert active_s(told) > FIRM_S + 2.0
-    assert {p.name for people in told for p in people.people if p.state == TrackState.ACTIVE} == {"person_1"}
+    results = track_intervals(tracker_with(), [(FIRM_S, EVERY), (2.0, (1,)), (0.4, EVERY)])
+    assert active_s(results) > FIRM_S + 2.0
+    assert {p.name for people in results for p in people.people if p.state == TrackState.ACTIVE} == {"person_1"}
 
 
 def test_unestablished_track_terminates_in_one_view():
@@ -110,7 +110,7 @@ def test_unestablished_track_terminates_in_one_view():
 
 def test_specification_establishes_every_track():
     tracker = tracker_with("specification")
-    watched(tracker, [(0.4, EVERY)])
+    track_intervals(tracker, [(0.4, EVERY)])
     assert all(track.established for track in tracker.tracks)
     assert tracker.tracks
 
@@ -119,9 +119,9 @@ def test_other_detections_occlude_and_own_ones_do_not():
     rng, shown = np.random.default_rng(0), standing_px(tracker_with())
     frame = frame_of(0, shown, EVERY, rng)
     core = shown[:, [SKELETON.index(name) for name in SKELETON.core]]
-    nobody, rows = np.full(5, -1), np.array([0, -1, 2, -1, -1])
-    np.testing.assert_array_equal(is_occluded(core, nobody, frame, 0.5), np.ones(5, dtype=bool))
+    empty, rows = np.full(5, -1), np.array([0, -1, 2, -1, -1])
+    np.testing.assert_array_equal(is_occluded(core, empty, frame, 0.5), np.ones(5, dtype=bool))
     np.testing.assert_array_equal(is_occluded(core, rows, frame, 0.5), rows < 0)
     aside = core + np.array([400.0, 0.0])
-    assert not is_occluded(aside, nobody, frame, 0.5).any()
-    assert not is_occluded(core, nobody, frame_of(0, np.full_like(shown, np.nan), EVERY, rng), 0.5).any()
+    assert not is_occluded(aside, empty, frame, 0.5).any()
+    assert not is_occluded(core, empty, frame_of(0, np.full_like(shown, np.nan), EVERY, rng), 0.5).any()

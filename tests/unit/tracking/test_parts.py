@@ -51,7 +51,7 @@ def run(
 
 
 @pytest.fixture(scope="module")
-def told(scene: CrowdScene) -> list[People]:
+def tracked(scene: CrowdScene) -> list[People]:
     return run(scene)
 
 
@@ -59,9 +59,9 @@ def one(people: People) -> Person:
     return next(person for person in people.people if person.state == TrackState.ACTIVE)
 
 
-def error_m(scene: CrowdScene, told: Sequence[People], keypoints: np.ndarray, frame: int) -> float:
+def error_m(scene: CrowdScene, results: Sequence[People], keypoints: np.ndarray, frame: int) -> float:
     truth = np.asarray(scene.truth.layers["measured"].points_m)[frame, 0, keypoints]
-    return float(np.linalg.norm(one(told[frame]).points_m[keypoints] - truth, axis=1).mean())
+    return float(np.linalg.norm(one(results[frame]).points_m[keypoints] - truth, axis=1).mean())
 
 
 def without(frame: Frame, keypoints: np.ndarray) -> Frame:
@@ -70,18 +70,18 @@ def without(frame: Frame, keypoints: np.ndarray) -> Frame:
     return replace(frame, keypoints_px=frozen(pixels), confidence=frozen(confidence))
 
 
-def test_hands_and_faces_are_accurate(scene, told):
+def test_hands_and_faces_are_accurate(scene, tracked):
     for part in WHOLE.parts:
-        assert error_m(scene, told, part.keypoints, -1) < 0.02
-        person = one(told[-1])
+        assert error_m(scene, tracked, part.keypoints, -1) < 0.02
+        person = one(tracked[-1])
         assert np.isfinite(person.covariance_m2[part.keypoints]).all()
         assert person.used[:, part.keypoints].mean() > 0.9
 
 
-def test_parts_do_not_change_bodies(scene, told):
+def test_parts_do_not_change_bodies(scene, tracked):
     bare = run(scene, replace(WHOLE, parts=()))
-    for mine, theirs in zip(told, bare, strict=True):
-        for a, b in zip(mine.people, theirs.people, strict=True):
+    for first, second in zip(tracked, bare, strict=True):
+        for a, b in zip(first.people, second.people, strict=True):
             np.testing.assert_array_equal(a.points_m[BODY], b.points_m[BODY])
             np.testing.assert_array_equal(a.covariance_m2[BODY], b.covariance_m2[BODY])
     assert np.isnan(one(bare[-1]).points_m[LEFT.keypoints]).all()
@@ -93,15 +93,15 @@ def test_unseen_hand_is_dropped_and_starts_again(scene):
     def change(i: int, frame: Frame) -> Frame:
         return without(frame, LEFT.keypoints) if hidden_from <= i < back else frame
 
-    told = run(scene, change=change)
-    there = [bool(np.isfinite(one(people).points_m[LEFT.keypoints]).all()) for people in told[hidden_from:]]
+    results = run(scene, change=change)
+    present = [bool(np.isfinite(one(people).points_m[LEFT.keypoints]).all()) for people in results[hidden_from:]]
     stays = int(TrackerOptions().lost_after_s * RATE_HZ) - 1
-    assert all(there[:stays])
-    assert not any(there[stays + 2 : back - hidden_from])
-    assert all(there[back - hidden_from :])
-    assert not one(told[back - 1]).used[:, LEFT.keypoints].any()
-    assert error_m(scene, told, RIGHT.keypoints, -1) < 0.02
-    assert error_m(scene, told, LEFT.keypoints, -1) < 0.03
+    assert all(present[:stays])
+    assert not any(present[stays + 2 : back - hidden_from])
+    assert all(present[back - hidden_from :])
+    assert not one(results[back - 1]).used[:, LEFT.keypoints].any()
+    assert error_m(scene, results, RIGHT.keypoints, -1) < 0.02
+    assert error_m(scene, results, LEFT.keypoints, -1) < 0.03
 
 
 def test_terminated_track_leaves_no_parts(scene):
@@ -111,11 +111,11 @@ def test_terminated_track_leaves_no_parts(scene):
     for i in range(20):
         tracker.update(Frame.of(scene.detections, i))
     assert all(part.known for part in tracker.parts)
-    seen = Frame.of(scene.detections, 19)
+    observed = Frame.of(scene.detections, 19)
     for i in range(20, 40):
-        time_s = seen.time_s + (i - 19) / RATE_HZ
-        nobody = replace(without(seen, np.arange(len(WHOLE))), time_s=time_s, number=seen.number + i - 19)
-        tracker.update(nobody)
+        time_s = observed.time_s + (i - 19) / RATE_HZ
+        empty = replace(without(observed, np.arange(len(WHOLE))), time_s=time_s, number=observed.number + i - 19)
+        tracker.update(empty)
     assert not tracker.tracks
     assert not any(part.known or part.tracks for part in tracker.parts)
 
@@ -132,14 +132,14 @@ def test_hand_continues_in_one_view(scene):
             confidence=frozen(np.where(first, frame.confidence, lone.confidence)),
         )
 
-    told = run(scene, change=change)
-    used = one(told[-1]).used[:, RIGHT.keypoints]
+    results = run(scene, change=change)
+    used = one(results[-1]).used[:, RIGHT.keypoints]
     assert used[0].any()
     assert not used[1:].any()
-    assert error_m(scene, told, RIGHT.keypoints, -1) < 0.08
+    assert error_m(scene, results, RIGHT.keypoints, -1) < 0.08
 
 
-def test_swapped_hands_in_a_view_are_corrected(scene, told):
+def test_swapped_hands_in_a_view_are_corrected(scene, tracked):
     def change(_: int, frame: Frame) -> Frame:
         rows = frame.rows_of(1)
         pixels = frame.keypoints_px.copy()
@@ -149,7 +149,7 @@ def test_swapped_hands_in_a_view_are_corrected(scene, told):
 
     swapped = run(scene, change=change)
     for part in (LEFT, RIGHT):
-        assert error_m(scene, swapped, part.keypoints, -1) < error_m(scene, told, part.keypoints, -1) + 0.005
+        assert error_m(scene, swapped, part.keypoints, -1) < error_m(scene, tracked, part.keypoints, -1) + 0.005
 
 
 def test_pickled_tracker_with_hands_resumes(scene):
@@ -160,8 +160,8 @@ def test_pickled_tracker_with_hands_resumes(scene):
         tracker.update(frame)
     other = pickle.loads(pickle.dumps(tracker))
     for frame in frames[15:]:
-        mine, theirs = tracker.update(frame), other.update(frame)
-        np.testing.assert_allclose(one(mine).points_m, one(theirs).points_m, rtol=0, atol=1e-9)
+        first, second = tracker.update(frame), other.update(frame)
+        np.testing.assert_allclose(one(first).points_m, one(second).points_m, rtol=0, atol=1e-9)
 
 
 def test_anchor_update_is_a_kalman_update(rng):
@@ -177,9 +177,9 @@ def test_anchor_update_is_a_kalman_update(rng):
     packed = noise[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]][None]
     nothing = np.full((1, 3, 3), np.nan)
     update_from_anchors(place, packed, nothing, np.zeros((1, 6)), np.empty((6, size)), np.empty(size), state)
-    seen = np.eye(size)[:3]
-    gain = before.covariance[0] @ seen.T @ np.linalg.inv(seen @ before.covariance[0] @ seen.T + noise)
-    expected = (np.eye(size) - gain @ seen) @ before.covariance[0]
+    observed = np.eye(size)[:3]
+    gain = before.covariance[0] @ observed.T @ np.linalg.inv(observed @ before.covariance[0] @ observed.T + noise)
+    expected = (np.eye(size) - gain @ observed) @ before.covariance[0]
     np.testing.assert_allclose(state.covariance[0], expected, atol=1e-12)
     apply_changes((gain @ [0.1, 0.1, 0.1])[None], before)
     np.testing.assert_allclose(state.root, before.root)
@@ -199,7 +199,7 @@ def test_certain_anchor_turn_is_adopted(rng):
     np.testing.assert_allclose(state.turns[0, 0], turn, atol=1e-6)
 
 
-def test_a_recording_of_whole_bodies_from_end_to_end(scene):
+def test_whole_body_recording_is_reconstructed(scene):
     result = reconstruct(scene.rig, scene.detections, Options(people="many"))
     model, measured = result.layers["model"], result.layers["measured"]
     truth = np.asarray(scene.truth.layers["measured"].points_m)
@@ -216,18 +216,18 @@ def test_a_recording_of_whole_bodies_from_end_to_end(scene):
     assert result.poses.segments[-4:] == ("left_palm", "right_palm", "face", "jaw")
     names, degrees, sds = angle_table(result)
     assert len(set(names)) == len(names) == degrees.shape[-1]
-    # What is known of an angle is said, but for what is carried by a limb whose twist is not seen.
+    # Angles have standard deviations unless a limb with an unobserved twist carries them.
     twisted = [name.split(".")[0] in ("left_foot", "right_foot", "left_palm", "right_palm") for name in names]
-    said = np.isfinite(sds[10:, 0])
-    assert not said[np.isnan(degrees[10:, 0])].any()
-    assert said[:, ~np.array(twisted)][np.isfinite(degrees[10:, 0])[:, ~np.array(twisted)]].mean() > 0.99
+    messages = np.isfinite(sds[10:, 0])
+    assert not messages[np.isnan(degrees[10:, 0])].any()
+    assert messages[:, ~np.array(twisted)][np.isfinite(degrees[10:, 0])[:, ~np.array(twisted)]].mean() > 0.99
     assert 1.0 < np.nanmedian(sds[10:, 0]) < 30.0
     assert np.isfinite(degrees[10:, 0, names.index("left_palm.bend")]).all()
     # The index finger opens and closes.
     assert np.ptp(degrees[10:, 0, names.index("left_index_finger_2.flexion")]) > 30.0
 
 
-def test_direction_needs_an_end_more_certain_than_the_bone_is_long():
+def test_direction_needs_a_joint_more_certain_than_the_bone_length():
     tree = LEFT.tree
     ends = [n for n, node in enumerate(tree.nodes) if node.is_bone]
     place = {int(node): k for k, node in enumerate(tree.keypoint_nodes) if node >= 0}

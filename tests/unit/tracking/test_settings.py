@@ -32,11 +32,11 @@ def standing(tracker: ArticulatedTracker) -> ProjectedBodies:
     points[SKELETON.index("mid_hip")] = [0.1, 0.2, 0.95]
     body = initial_state(tree, points, np.asarray(tree.shape_m), tree.shape_covariance, tracker.settings.options.motion)
     projected = ProjectedBodies.allocate(1, len(RIG), len(SKELETON))
-    project_people(tracker.settings.cameras, tracker.settings.body, body, *projected.arrays)
+    project_people(tracker.settings.cameras, tracker.settings.body, body, projected.arrays)
     return projected
 
 
-def lasting(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
+def correlated_errors(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
     """Return correlated errors with unit variance, frames first."""
     keep = np.exp(-DT_S / LASTS_S)
     errors = rng.normal(size=shape)
@@ -45,13 +45,13 @@ def lasting(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
     return errors
 
 
-def seen_by_one(seed: int) -> tuple[np.ndarray, list[Person]]:
+def track_in_one_view(seed: int) -> tuple[np.ndarray, list[Person]]:
     """Return the points of a standing person, and the tracked person while only view 0 shows them."""
     tracker = tracker_of_ring()
     projected, rng = standing(tracker), np.random.default_rng(seed)
     frames = round((FIRM_S + ALONE_S) / DT_S)
-    pixels = projected.pixels[0] + 4.5 * lasting((frames, *projected.pixels[0].shape), rng)
-    told = []
+    pixels = projected.pixels[0] + 4.5 * correlated_errors((frames, *projected.pixels[0].shape), rng)
+    results = []
     for i in range(frames):
         views = np.arange(1 if i * DT_S >= FIRM_S else len(RIG))
         frame = Frame(
@@ -65,8 +65,8 @@ def seen_by_one(seed: int) -> tuple[np.ndarray, list[Person]]:
         )
         people = tracker.update(frame).people
         if i * DT_S >= FIRM_S:
-            told += people[:1]
-    return projected.points_m[0], told
+            results += people[:1]
+    return projected.points_m[0], results
 
 
 def memory_of(n_views: list[int], single_view_s: float = 0.0, dt_s: float = DT_S, **options: float) -> list[float]:
@@ -104,11 +104,11 @@ def test_distance_uncertainty_covers_the_error():
     """Along the view's ray, one and two standard deviations cover at least the nominal shares."""
     squared = []
     for seed in range(4):
-        truth, told = seen_by_one(seed)
-        ray = truth.mean(axis=0) - RIG.cameras[0].centre_m
+        truth, results = track_in_one_view(seed)
+        ray = truth.mean(axis=0) - RIG.cameras[0].center_m
         ray /= np.linalg.norm(ray)
-        assert len(told) == round(ALONE_S / DT_S)
-        for person in told:
+        assert len(results) == round(ALONE_S / DT_S)
+        for person in results:
             off = (person.points_m - truth) @ ray
             squared.append(off**2 / (ray @ unpack_covariance(person.covariance_m2) @ ray))
     assert np.mean(np.array(squared) < 1.0) > 0.68
@@ -121,9 +121,9 @@ def test_posture_prior_reduces_the_distance_bias(monkeypatch: pytest.MonkeyPatch
     for _ in range(2):
         off_m.append([])
         for seed in range(4, 8):
-            truth, told = seen_by_one(seed)
-            ray = truth.mean(axis=0) - RIG.cameras[0].centre_m
-            off_m[-1] += [((person.points_m - truth) @ ray / np.linalg.norm(ray)).mean() for person in told]
+            truth, results = track_in_one_view(seed)
+            ray = truth.mean(axis=0) - RIG.cameras[0].center_m
+            off_m[-1] += [((person.points_m - truth) @ ray / np.linalg.norm(ray)).mean() for person in results]
         monkeypatch.setattr("posefuse.tracking.update.apply_posture_prior", lambda *_: None)
-    told, untold = np.abs(np.mean(off_m, axis=1))
-    assert told < 0.8 * untold
+    results, untold = np.abs(np.mean(off_m, axis=1))
+    assert results < 0.8 * untold

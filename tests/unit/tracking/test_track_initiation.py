@@ -8,7 +8,7 @@ import pytest
 
 from posefuse.kernels.tracking.projection import project_people
 from posefuse.kernels.tracking.records import State
-from posefuse.kinematics.initial_pose import initial_state
+from posefuse.kinematics.initial_pose import initial_state, turn_bones
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.skeleton.skeletons import shipped_skeleton
@@ -37,7 +37,7 @@ def standing(
     body = initial_state(tree, points, size * tree.shape_m, tree.shape_covariance, settings.options.motion)
     posed(body)
     projected = ProjectedBodies.allocate(1, len(RIG), len(SKELETON))
-    project_people(settings.cameras, settings.body, body, *projected.arrays)
+    project_people(settings.cameras, settings.body, body, projected.arrays)
     trust = np.ones((len(RIG), len(SKELETON)))
     return [
         Observation(
@@ -54,7 +54,7 @@ def standing_still(settings: TrackerSettings, times_s: np.ndarray, size: float =
     return standing(settings, times_s, lambda body: None, size)
 
 
-def born(settings: TrackerSettings, times_s: np.ndarray) -> State:
+def fit_motionless_body(settings: TrackerSettings, times_s: np.ndarray) -> State:
     return fit_body(standing_still(settings, times_s), settings)[0]
 
 
@@ -67,26 +67,49 @@ def spread(state: State, settings: TrackerSettings) -> np.ndarray:
 def test_more_frames_in_the_same_time_add_no_information(rate_hz):
     """Correlated errors repeat in neighboring frames."""
     settings = settings_with()
-    few = spread(born(settings, np.arange(0.0, AGE_S + 1e-9, 0.04)), settings)
-    many = spread(born(settings, np.arange(0.0, AGE_S + 1e-9, 1.0 / rate_hz)), settings)
+    few = spread(fit_motionless_body(settings, np.arange(0.0, AGE_S + 1e-9, 0.04)), settings)
+    many = spread(fit_motionless_body(settings, np.arange(0.0, AGE_S + 1e-9, 1.0 / rate_hz)), settings)
     n = settings.tree.n_pose
     np.testing.assert_allclose(many[n:], few[n:], rtol=0.02)
-    # What the last frame stands for is later than what the many before it do, and the body moves.
+    # The last frame is the most recent one, and the body may move.
     assert (many[:n] > 0.99 * few[:n]).all()
     assert (many[:n] < 1.4 * few[:n]).all()
 
 
 def test_first_frame_counts_fully():
-    once = [spread(born(settings_with(error_memory_s=s), np.zeros(1)), settings_with()) for s in (1e-6, 0.06, 1.0)]
+    once = [
+        spread(fit_motionless_body(settings_with(error_memory_s=s), np.zeros(1)), settings_with())
+        for s in (1e-6, 0.06, 1.0)
+    ]
     np.testing.assert_array_equal(once[0], once[1])
     np.testing.assert_array_equal(once[1], once[2])
 
 
-def test_errors_that_do_not_last_make_every_frame_count():
+def test_every_frame_counts_if_errors_are_white():
     """Four frames halve the uncertainty for white errors, and do not reduce it for correlated ones."""
     times_s = np.arange(0.0, AGE_S + 1e-9, 0.04)
     shape = slice(settings_with().tree.n_pose, None)
     white, lasting = settings_with(error_memory_s=1e-6), settings_with(error_memory_s=100.0)
-    one = spread(born(white, times_s[:1]), white)[shape]
-    assert np.median(one / spread(born(white, times_s), white)[shape]) == pytest.approx(1.7, abs=0.3)
-    np.testing.assert_allclose(spread(born(lasting, times_s), lasting)[shape], one, rtol=0.02)
+    one = spread(fit_motionless_body(white, times_s[:1]), white)[shape]
+    assert np.median(one / spread(fit_motionless_body(white, times_s), white)[shape]) == pytest.approx(1.7, abs=0.3)
+    np.testing.assert_allclose(spread(fit_motionless_body(lasting, times_s), lasting)[shape], one, rtol=0.02)
+
+
+@pytest.mark.parametrize("thigh", [[0.6, 0.0, 0.8], [0.4, -0.3, 0.9]])
+def test_leg_detected_late_is_fitted(thigh):
+    """Gauss-Newton steps from the rest pose fail, because robust weights of distant keypoints vanish."""
+    settings = settings_with()
+    tree, leg = settings.tree, [SKELETON.index(name) for name in ("right_knee", "right_ankle")]
+    shown = np.full((len(tree.bones), 3), np.nan)
+    shown[tree.bones.index("right_knee")] = thigh
+
+    def lift_leg(body: State) -> None:
+        turn_bones(body.bones[0], shown, range(len(tree.bones)))
+
+    observed = standing(settings, np.arange(5) / 25.0, lift_leg)
+    for each in observed[:3]:
+        each.keypoints_px[:, leg], each.points_m[leg] = np.nan, np.nan
+    state = fit_body(observed, settings)[0]
+    projected = ProjectedBodies.allocate(1, 0, len(SKELETON))
+    project_people(settings.cameras[:0], settings.body, state, projected.arrays)
+    np.testing.assert_allclose(projected.points_m[0, leg], observed[-1].points_m[leg], atol=0.05)

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from posefuse.errors import SkeletonError
 from posefuse.kernels.tracking import body_kinematics
+from posefuse.kernels.tracking.records import Pose
 from posefuse.kinematics.initial_pose import pose_from_points
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import Options
@@ -20,6 +21,7 @@ from posefuse.synthetic.crowds import crowd_of_points
 from posefuse.synthetic.figures import creature
 from posefuse.synthetic.motions import CreatureMotion
 from posefuse.synthetic.rigs import build_rig
+from posefuse.tracking.body_states import body_of
 from posefuse.tracking.unknown_bodies import measured_tree
 from tests.kernels import from_python
 
@@ -53,8 +55,8 @@ def two_creatures(size: float, seed: int) -> np.ndarray:
     for i, x in enumerate((-1.2, 1.2)):
         figure = creature(skeleton, size, rng)
         motion = CreatureMotion(10 * seed + i, 0.5 * size, height_m=size)
-        there = motion.positions(figure, np.arange(60) / 25.0)[:, figure.columns(skeleton)]
-        points.append(there + np.array([x * size, 0.0, 0.0]))
+        other = motion.positions(figure, np.arange(60) / 25.0)[:, figure.columns(skeleton)]
+        points.append(other + np.array([x * size, 0.0, 0.0]))
     return np.stack(points, axis=1)
 
 
@@ -66,17 +68,17 @@ def test_two_unknown_bodies_are_tracked(size, tree, edges):
     truth, rig = two_creatures(size, seed=2), small_rig(size)
     scene = crowd_of_points(truth, rig, parse_skeleton(MOUSE, "mouse.toml"), 25.0, seed=2)
     detections = replace(scene.detections, skeleton=skeleton)
-    found = reconstruct(rig, detections, Options(people="many"))
-    assert found.tracks is not None
-    assert found.poses is not None
-    active = np.asarray(found.tracks.state[:]) == TrackState.ACTIVE
+    result = reconstruct(rig, detections, Options(people="many"))
+    assert result.tracks is not None
+    assert result.poses is not None
+    active = np.asarray(result.tracks.state[:]) == TrackState.ACTIVE
     assert active[5:, :2].all()
     assert not active[:, 2:].any()
-    apart = np.linalg.norm(found.layers["model"].points_m[5:, :2, None] - truth[5:, None], axis=-1).mean(axis=(0, 3))
+    apart = np.linalg.norm(result.layers["model"].points_m[5:, :2, None] - truth[5:, None], axis=-1).mean(axis=(0, 3))
     order = apart.argmin(axis=1)
     assert sorted(order) == [0, 1]
     assert apart.min(axis=1).max() < 0.06 * size
-    np.testing.assert_allclose(np.linalg.norm(found.poses.directions[5:, :2], axis=-1), 1.0, rtol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(result.poses.directions[5:, :2], axis=-1), 1.0, rtol=1e-9)
 
 
 def test_live_tracking_needs_the_body_size():
@@ -112,13 +114,13 @@ def test_edges_of_the_skeleton_are_bones_before_other_distances(rng):
     assert frozenset("ad") in {frozenset((node.name, tree.nodes[node.parent].name)) for node in tree.nodes[1:]}
 
 
-def test_bones_do_not_depend_on_where_bodies_are(rng):
+def test_bones_are_independent_of_the_position_of_bodies(rng):
     points, covariance = chain_bodies(rng, 50, 0.02)
     skeleton = Skeleton("chain", ("c", "a", "d", "b"))
     here = measured_tree(skeleton, points, covariance)
-    there = measured_tree(skeleton, points[::-1] + np.array([5.0, -3.0, 8.0]), covariance)
-    np.testing.assert_allclose(here.shape_m, there.shape_m, rtol=1e-9)
-    assert here.bones == there.bones
+    other = measured_tree(skeleton, points[::-1] + np.array([5.0, -3.0, 8.0]), covariance)
+    np.testing.assert_allclose(here.shape_m, other.shape_m, rtol=1e-9)
+    assert here.bones == other.bones
 
 
 def test_too_few_bodies_are_an_error(rng):
@@ -149,8 +151,8 @@ def test_initial_pose_fits_points_of_any_size(name, rng):
     turns = Rotation.random(len(tree.segments), rng=rng).as_matrix()
     bones = Rotation.random(len(tree.bones), rng=rng).as_matrix()
     nodes, again = np.empty((len(tree.nodes), 3)), np.empty((len(tree.nodes), 3))
-    locate(*tree.packed[:6], rng.normal(size=3), turns, bones, shape, nodes)
+    locate(body_of(tree), Pose(rng.normal(size=3), turns, bones, shape), nodes)
     points = np.where(has[:, None], nodes[tree.keypoint_nodes], np.nan)
-    locate(*tree.packed[:6], *pose_from_points(tree, points, shape), shape, again)
+    locate(body_of(tree), Pose(*pose_from_points(tree, points, shape), shape), again)
     off = np.linalg.norm(again[tree.keypoint_nodes[has]] - points[has], axis=-1)
     assert off.max() < 0.05 * tree.size_m

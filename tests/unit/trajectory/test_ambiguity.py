@@ -6,21 +6,21 @@ import pytest
 from posefuse.trajectory.ambiguity import find_ambiguous
 from posefuse.trajectory.bones import Bones
 from posefuse.trajectory.paths import Paths
-from tests.unit.trajectory.problems import ARM
+from tests.unit.trajectory.path_problems import ARM
 
 FRAMES = 41
 BONES = Bones.of(ARM)
 LENGTHS_M = np.array([0.3, 0.25])
 
 
-def turning(seen: np.ndarray) -> tuple[Paths, np.ndarray]:
-    """A wrist that passes its elbow across the view in frame 20; views look along x; of seen frames two do."""
+def turning(observed: np.ndarray) -> tuple[Paths, np.ndarray]:
+    """A wrist passes its elbow across the view in frame 20; views look along x."""
     paths_m = np.zeros((3, FRAMES, 3))
     paths_m[0] = (0.0, 0.0, 0.3)
     angle = np.linspace(-1.0, 1.0, FRAMES)
     paths_m[2] = 0.25 * np.stack([np.sin(angle), np.cos(angle), np.zeros(FRAMES)], axis=-1)
     weights = np.ones((3, FRAMES, 2))
-    weights[2, ~seen, 1] = 0.0
+    weights[2, ~observed, 1] = 0.0
     jacobians = np.zeros((3, FRAMES, 2, 2, 3))
     jacobians[..., 0, 1] = jacobians[..., 1, 2] = 1000.0
     rows = np.ones((3, FRAMES - 3))
@@ -38,19 +38,19 @@ def turning(seen: np.ndarray) -> tuple[Paths, np.ndarray]:
     return paths, jacobians
 
 
-@pytest.mark.parametrize("backwards", [False, True])
-def test_ambiguity_persists_after_positions_meet(backwards):
-    seen = np.arange(FRAMES) < 5
-    found = find_ambiguous(*turning(seen[::-1] if backwards else seen), BONES, LENGTHS_M)
-    assert not found[:2].any()
-    wrist = found[2, ::-1] if backwards else found[2]
+@pytest.mark.parametrize("backward", [False, True])
+def test_ambiguity_persists_after_positions_meet(backward):
+    observed = np.arange(FRAMES) < 5
+    actual = find_ambiguous(*turning(observed[::-1] if backward else observed), BONES, LENGTHS_M)
+    assert not actual[:2].any()
+    wrist = actual[2, ::-1] if backward else actual[2]
     # Twice 0.25 sin(angle) is less than eight times 5 mm within 0.08 rad, 1.6 frames, of the frame in the middle.
     assert (wrist == (np.arange(FRAMES) >= 19)).all()
 
 
 def test_frame_with_two_views_resolves_the_ambiguity():
-    seen = np.abs(np.arange(FRAMES) - 20) > 15
-    assert not find_ambiguous(*turning(seen), BONES, LENGTHS_M).any()
+    observed = np.abs(np.arange(FRAMES) - 20) > 15
+    assert not find_ambiguous(*turning(observed), BONES, LENGTHS_M).any()
 
 
 def test_path_without_two_views_is_ambiguous():
@@ -58,5 +58,5 @@ def test_path_without_two_views_is_ambiguous():
 
 
 def test_without_a_bone_no_point_is_ambiguous():
-    seen = np.arange(FRAMES) < 5
-    assert not find_ambiguous(*turning(seen), BONES, np.array([0.3, np.nan])).any()
+    observed = np.arange(FRAMES) < 5
+    assert not find_ambiguous(*turning(observed), BONES, np.array([0.3, np.nan])).any()

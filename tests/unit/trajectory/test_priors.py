@@ -16,11 +16,11 @@ from posefuse.trajectory.paths import PersonPriors
 from posefuse.trajectory.priors import RecordingPriors, estimate_priors, margin_s, mean_cosine
 from posefuse.trajectory.smoothness import Smoothness
 from tests.scenes import ring
-from tests.unit.trajectory.problems import ARM, exact_pixels, measured, part_of, solved, swinging
+from tests.unit.trajectory.path_problems import ARM, exact_pixels, measured, part_of, solved, swinging
 
 
 def white_jerk(frames: int, density: float, seed: int) -> np.ndarray:
-    """Shape (frame, 3, 3): paths whose jerk is white noise of a known density, tied to a place by a slow pull."""
+    """Return paths with white-noise jerk of a known density and a weak restoring force, shape (frame, 3, 3)."""
     rng = np.random.default_rng(seed)
     rows = Smoothness.of("jerk", np.arange(frames) / 60.0)
     dense = np.zeros((frames, frames))
@@ -53,10 +53,10 @@ def test_variation_of_rigid_bones_is_limited():
     truth = swinging(600)
     stretched = 1.0 + 0.2 * np.sin(np.arange(600) * np.pi / 100.0)[:, None]
     truth[:, 2] = truth[:, 1] + (truth[:, 2] - truth[:, 1]) * stretched
-    given = measured(truth)
-    soft = estimate_priors([given], ARM, TrajectoryOptions())
+    measurements = measured(truth)
+    soft = estimate_priors([measurements], ARM, TrajectoryOptions())
     rigid = estimate_priors(
-        [given], replace(ARM, rigid=(("wrist", "elbow"),)), TrajectoryOptions(max_rigid_bone_variation=0.02)
+        [measurements], replace(ARM, rigid=(("wrist", "elbow"),)), TrajectoryOptions(max_rigid_bone_variation=0.02)
     )
     assert soft.length_sd_m[0, 1] > 0.1 * soft.length_m[0, 1]
     assert rigid.length_sd_m[0, 1] == pytest.approx(0.02 * rigid.length_m[0, 1])
@@ -102,11 +102,11 @@ def test_persistent_errors_do_not_smooth_motion():
     pixels = exact_pixels(rig, truth)
     rng = np.random.default_rng(0)
     biased = pixels + 8.0 * rng.standard_normal(pixels[:1].shape) + rng.standard_normal(pixels.shape)
-    given = measured(truth, rig=rig, pixels=biased, noise_px=8.0)
-    recording_priors = estimate_priors([given], ARM, TrajectoryOptions())
+    measurements = measured(truth, rig=rig, pixels=biased, noise_px=8.0)
+    recording_priors = estimate_priors([measurements], ARM, TrajectoryOptions())
     assert recording_priors.persistent_fraction > 0.8
     assert recording_priors.correlation_s == 0.0
-    layer = solved(given, recording_priors)
+    layer = solved(measurements, recording_priors)
     offset = np.asarray(layer.points_m)[:, 0] - truth
     plain = estimate_priors([measured(truth, 1.0, rig=rig)], ARM, TrajectoryOptions())
     assert np.isfinite(offset).all()
@@ -125,9 +125,11 @@ def test_mean_cosine_matches_sampled_vectors(freedom, correlation):
 
 
 def test_ranges_give_the_same_priors_as_the_whole():
-    given = measured(swinging(600))
-    whole = estimate_priors([given], ARM, TrajectoryOptions())
-    parts = estimate_priors((part_of(given, start, start + 200) for start in (0, 200, 400)), ARM, TrajectoryOptions())
+    measurements = measured(swinging(600))
+    whole = estimate_priors([measurements], ARM, TrajectoryOptions())
+    parts = estimate_priors(
+        (part_of(measurements, start, start + 200) for start in (0, 200, 400)), ARM, TrajectoryOptions()
+    )
     assert np.allclose(np.log(parts.density / whole.density), 0.0, atol=0.7)
     assert np.allclose(parts.length_m, whole.length_m, rtol=2e-3)
 
@@ -146,7 +148,7 @@ def test_priors_can_be_pickled_and_give_the_margin():
 
 
 def test_no_frames_is_an_error():
-    with pytest.raises(DetectionsError, match="no frames"):
+    with pytest.raises(DetectionsError, match="needs at least one frame"):
         estimate_priors([], ARM, TrajectoryOptions())
 
 

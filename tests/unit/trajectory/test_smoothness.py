@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from posefuse.trajectory.smoothness import ORDERS, Smoothness, alive_frames, density_for_time_constant, time_constant_s
-from tests.laws import examples
+from tests.properties import examples
 
 
 @pytest.mark.parametrize("prior", ["jerk", "acceleration"])
@@ -17,8 +17,8 @@ def test_differences_are_derivatives_for_irregular_times(prior):
     smoothness = Smoothness.of(prior, t)
     for power, derivative in ((order, np.prod(np.arange(1, order + 1))), (order - 1, 0.0)):
         path = np.append(t**power, np.zeros(3))
-        found = [smoothness.differences[r] @ path[r : r + 4] for r in range(len(smoothness.time_s))]
-        assert np.allclose(found, derivative, atol=1e-4)
+        actual = [smoothness.differences[r] @ path[r : r + 4] for r in range(len(smoothness.time_s))]
+        assert np.allclose(actual, derivative, atol=1e-4)
 
 
 def test_time_shares_of_rows_add_up():
@@ -28,17 +28,17 @@ def test_time_shares_of_rows_add_up():
 
 def test_path_covers_short_gaps_but_not_its_ends():
     t = np.arange(10) / 10.0
-    seen = np.array([[0, 1, 0, 0, 1, 0, 0, 0, 1, 0]], dtype=bool)
-    alive = alive_frames(seen, t, 0.2)
+    visible = np.array([[0, 1, 0, 0, 1, 0, 0, 0, 1, 0]], dtype=bool)
+    alive = alive_frames(visible, t, 0.2)
     assert alive[0].astype(int).tolist() == [0, 1, 1, 1, 1, 0, 0, 0, 1, 0]
 
 
 @examples(50)
 @given(st.lists(st.booleans(), min_size=2, max_size=30))
 def test_reversed_time_gives_the_same_alive_frames(frames):
-    seen = np.array([frames])
+    observed = np.array([frames])
     t = np.arange(len(frames)) / 30.0
-    forward, backward = alive_frames(seen, t, 0.1), alive_frames(seen[:, ::-1], t, 0.1)
+    forward, backward = alive_frames(observed, t, 0.1), alive_frames(observed[:, ::-1], t, 0.1)
     assert np.array_equal(forward, backward[:, ::-1])
 
 
@@ -49,10 +49,10 @@ def test_time_constants_and_densities_are_inverse():
 
 def test_density_factor_is_one_for_expected_differences_and_follows_others():
     smoothness = Smoothness.of("jerk", np.arange(203) / 100.0)
-    known, squares = np.ones((1, 200)), np.ones((1, 200))
-    assert np.allclose(smoothness.local_density_factor(squares, known, 21, 10.0), 1.0)
+    reference, squares = np.ones((1, 200)), np.ones((1, 200))
+    assert np.allclose(smoothness.local_density_factor(squares, reference, 21, 10.0), 1.0)
     squares[:, 100:] = 50.0
-    found = smoothness.local_density_factor(squares, known, 21, 1.0)[0]
-    assert found[:80] == pytest.approx(1.0)
-    assert found[130] > 40.0
-    assert (np.diff(found) > -1e-9).all()
+    actual = smoothness.local_density_factor(squares, reference, 21, 1.0)[0]
+    assert actual[:80] == pytest.approx(1.0)
+    assert actual[130] > 40.0
+    assert (np.diff(actual) > -1e-9).all()

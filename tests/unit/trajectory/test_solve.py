@@ -19,7 +19,7 @@ from posefuse.trajectory.paths import CONSTANT_LEVEL_STRENGTH
 from posefuse.trajectory.priors import RecordingPriors, estimate_priors, margin_s
 from posefuse.trajectory.smoothness import Smoothness
 from tests.scenes import ring
-from tests.unit.trajectory.problems import (
+from tests.unit.trajectory.path_problems import (
     ARM,
     errors_m,
     exact_pixels,
@@ -33,7 +33,7 @@ FRAMES = 240
 PLAIN = TrajectoryOptions(density_window_s=0.0, full_weight_sigma=50.0, zero_weight_sigma=100.0, max_sd_share=10.0)
 
 
-def laws_of(
+def priors_of(
     density: float, length_sd_m: float = np.inf, correlation_s: float = 0.0, keypoints: int = 3
 ) -> RecordingPriors:
     return RecordingPriors(
@@ -73,22 +73,22 @@ def test_motion_without_prior_cost_is_reproduced_exactly(prior, powers):
     t = np.arange(90) / 60.0
     moved = sum(c * t**p for p, c in enumerate(powers))
     truth = swinging(1).repeat(90, axis=0) + np.stack([moved, 0.4 * moved, -0.2 * moved], axis=-1)[:, None]
-    layer = solved(measured(truth, 0.0), laws_of(1e-3), TrajectoryOptions(prior=prior))
+    layer = solved(measured(truth, 0.0), priors_of(1e-3), TrajectoryOptions(prior=prior))
     assert errors_m(layer, truth).max() < 1e-6
 
 
 def twin(
-    given: MeasuredRange, recording_priors: RecordingPriors, options: TrajectoryOptions
+    measurements: MeasuredRange, recording_priors: RecordingPriors, options: TrajectoryOptions
 ) -> tuple[np.ndarray, np.ndarray]:
     """Solve with a general least-squares solver: paths (keypoint, frame, 3), and the covariance of each point."""
-    observed = PersonObservations.of(given, 0)
-    smoothness, ends = Smoothness.of(options.prior, observed.time_s), Bones.of(given.detections.skeleton).ends
+    observed = PersonObservations.of(measurements, 0)
+    smoothness, ends = Smoothness.of(options.prior, observed.time_s), Bones.of(measurements.detections.skeleton).ends
     keypoints, frames = observed.points_m.shape[:2]
     step = observed.step_s
     c = np.exp(-step / recording_priors.correlation_s) if recording_priors.correlation_s else 0.0
     _, jacobians = observed.linear(observed.points_m)
-    seen = np.einsum("kfvai,kfvaj->kfij", jacobians, jacobians) / 4.0 * (1.0 - c) / (1.0 + c)
-    usual = 1.0 / np.median(np.trace(seen, axis1=-2, axis2=-1) / 3.0, axis=1)
+    visible = np.einsum("kfvai,kfvaj->kfij", jacobians, jacobians) / 4.0 * (1.0 - c) / (1.0 + c)
+    usual = 1.0 / np.median(np.trace(visible, axis1=-2, axis2=-1) / 3.0, axis=1)
     tight = np.minimum(
         step / (2.0 * _BONE_CORRELATION_S) / recording_priors.length_sd_m[0] ** 2,
         _MAX_RELATIVE_STIFFNESS / usual[ends].sum(axis=1),
@@ -104,23 +104,23 @@ def twin(
         long = np.sqrt(tight)[:, None] * (length - recording_priors.length_m[0][:, None])
         return np.concatenate([errors.ravel(), rough.ravel(), long.ravel()])
 
-    found = least_squares(residuals, observed.points_m.ravel(), method="trf", xtol=1e-12, ftol=1e-14, gtol=1e-12)
-    covariance = np.linalg.inv(found.jac.T @ found.jac)
+    actual = least_squares(residuals, observed.points_m.ravel(), method="trf", xtol=1e-12, ftol=1e-14, gtol=1e-12)
+    covariance = np.linalg.inv(actual.jac.T @ actual.jac)
     blocks = [covariance[3 * n : 3 * n + 3, 3 * n : 3 * n + 3] for n in range(keypoints * frames)]
-    return found.x.reshape(keypoints, frames, 3), np.stack(blocks).reshape(keypoints, frames, 3, 3)
+    return actual.x.reshape(keypoints, frames, 3), np.stack(blocks).reshape(keypoints, frames, 3, 3)
 
 
 @pytest.mark.parametrize(("length_sd_m", "correlation_s"), [(np.inf, 0.0), (0.004, 0.0), (np.inf, 0.1), (0.004, 0.1)])
 def test_solution_matches_a_general_solver(length_sd_m, correlation_s):
-    given = measured(swinging(24), seed=3)
-    recording_priors = laws_of(20.0, length_sd_m, correlation_s)
-    layer = solved(given, recording_priors, PLAIN)
-    paths, covariance = twin(given, recording_priors, PLAIN)
+    measurements = measured(swinging(24), seed=3)
+    recording_priors = priors_of(20.0, length_sd_m, correlation_s)
+    layer = solved(measurements, recording_priors, PLAIN)
+    paths, covariance = twin(measurements, recording_priors, PLAIN)
     ours = np.asarray(layer.points_m)[:, 0].transpose(1, 0, 2)
     sd = np.sqrt(np.trace(covariance, axis1=-2, axis2=-1))
     assert (np.linalg.norm(ours - paths, axis=-1) / sd).max() < 0.02
-    found = unpack_covariance(np.asarray(layer.covariance_m2))[:, 0].transpose(1, 0, 2, 3)
-    ratio = np.trace(found, axis1=-2, axis2=-1) / np.trace(covariance, axis1=-2, axis2=-1)
+    actual = unpack_covariance(np.asarray(layer.covariance_m2))[:, 0].transpose(1, 0, 2, 3)
+    ratio = np.trace(actual, axis1=-2, axis2=-1) / np.trace(covariance, axis1=-2, axis2=-1)
     # Bone information is propagated frame by frame, so with bones the covariance is approximate.
     assert np.allclose(ratio, 1.0, atol=1e-3 if np.isinf(length_sd_m) else 0.25)
 
@@ -152,7 +152,7 @@ def test_length_unit_does_not_change_the_paths(arm):
     assert np.abs(np.asarray(other.points_m) / 1000.0 - np.asarray(solved(arm).points_m)).max() < 1e-5
 
 
-def test_the_order_of_cameras_does_not_matter(arm):
+def test_result_is_independent_of_the_camera_order(arm):
     pixels = np.asarray(arm.detections.keypoints_px).reshape(FRAMES, 4, 3, 2)[:, ::-1]
     rig = replace(arm.rig, cameras=arm.rig.cameras[::-1])
     other = solved(measured(swinging(FRAMES), rig=rig, pixels=pixels, noise_px=2.0))
@@ -166,12 +166,12 @@ def test_reversed_time_reverses_the_result(arm):
 
 
 def test_windows_leave_no_seams():
-    given = measured(swinging(420), seed=5)
-    recording_priors = estimate_priors([given], ARM, TrajectoryOptions())
-    whole = solved(given, recording_priors)
+    measurements = measured(swinging(420), seed=5)
+    recording_priors = estimate_priors([measurements], ARM, TrajectoryOptions())
+    whole = solved(measurements, recording_priors)
     around = int(np.ceil(60.0 * margin_s(recording_priors)))
     assert around < 150
-    window = solved(part_of(given, 200 - around, 260 + around), recording_priors)
+    window = solved(part_of(measurements, 200 - around, 260 + around), recording_priors)
     apart = np.linalg.norm(
         np.asarray(window.points_m)[around : around + 60, 0] - np.asarray(whole.points_m)[200:260, 0], axis=-1
     )
@@ -188,10 +188,12 @@ def with_outliers(truth: np.ndarray, share: float, seed: int) -> MeasuredRange:
 
 def test_outlier_views_are_rejected():
     truth = swinging(FRAMES)
-    given = with_outliers(truth, 0.15, 7)
-    layer = solved(given)
+    measurements = with_outliers(truth, 0.15, 7)
+    layer = solved(measurements)
     assert np.nanmax(errors_m(layer, truth)) < 0.05
-    off = np.asarray(given.detections.keypoints_px).reshape(FRAMES, 4, 3, 2) - exact_pixels(given.rig, truth)
+    off = np.asarray(measurements.detections.keypoints_px).reshape(FRAMES, 4, 3, 2) - exact_pixels(
+        measurements.rig, truth
+    )
     wrong = (np.linalg.norm(off, axis=-1) > 30.0).transpose(0, 2, 1)
     used = np.asarray(layer.view_status)[:, 0] == ViewStatus.USED
     assert not (used & wrong).any()
@@ -216,10 +218,10 @@ def test_one_camera_bridges_a_short_time():
 
 def test_bones_constrain_points_in_one_camera():
     truth = swinging(FRAMES)
-    given = hidden(truth, 1, 90, 150)
+    measurements = hidden(truth, 1, 90, 150)
     options = TrajectoryOptions(max_sd_share=10.0)
     errors = [
-        errors_m(solved(given, options=replace(options, bones=bones)), truth)[90:150, 1].mean()
+        errors_m(solved(measurements, options=replace(options, bones=bones)), truth)[90:150, 1].mean()
         for bones in (True, False)
     ]
     assert errors[0] < 0.7 * errors[1]
@@ -239,16 +241,16 @@ def test_short_gaps_are_filled_and_long_ones_are_not():
 
 def test_path_does_not_extend_beyond_observations():
     truth = swinging(FRAMES)
-    given = hidden(truth, 0, 0, 10)
-    layer = solved(given)
+    measurements = hidden(truth, 0, 0, 10)
+    layer = solved(measurements)
     assert np.isnan(np.asarray(layer.points_m)[:10, 0, 1]).all()
     assert np.isfinite(np.asarray(layer.points_m)[10:, 0, 1]).all()
 
 
 def test_points_with_large_uncertainty_are_missing():
     truth = swinging(FRAMES)
-    given = hidden(truth, 1, 60, 180)
-    layer = solved(given, options=TrajectoryOptions(bones=False, max_sd_share=0.02))
+    measurements = hidden(truth, 1, 60, 180)
+    layer = solved(measurements, options=TrajectoryOptions(bones=False, max_sd_share=0.02))
     status = np.asarray(layer.status)[:, 0, 1]
     assert (status == PointStatus.UNCERTAIN).any()
     assert np.isnan(np.asarray(layer.points_m)[:, 0, 1][status == PointStatus.UNCERTAIN]).all()
@@ -300,26 +302,26 @@ def test_agreeing_views_overrule_bone_lengths(away_m):
 def test_swapped_view_is_corrected_first():
     skeleton = Skeleton("feet", ("left_foot", "right_foot"), pairs=(("left_foot", "right_foot"),))
     truth = swinging(90)[:, 1:]
-    given = measured(truth, skeleton=skeleton)
-    rows = np.array(given.detections.keypoints_px).reshape(90, 4, 2, 2)
+    measurements = measured(truth, skeleton=skeleton)
+    rows = np.array(measurements.detections.keypoints_px).reshape(90, 4, 2, 2)
     rows[30:60, 2] = rows[30:60, 2, ::-1]
-    swapped = replace(given.detections, keypoints_px=rows.reshape(360, 2, 2))
-    state = np.full((90, 1, 4, 1), SwapState.AS_LABELLED, dtype=np.int8)
+    swapped = replace(measurements.detections, keypoints_px=rows.reshape(360, 2, 2))
+    state = np.full((90, 1, 4, 1), SwapState.AS_LABELED, dtype=np.int8)
     state[30:60, 0, 2] = SwapState.SWAPPED
-    status = np.array(given.layer.view_status)
+    status = np.array(measurements.layer.view_status)
     status[30:60, :, :, 2] = ViewStatus.USED_SWAPPED
     other = replace(
-        given,
+        measurements,
         detections=swapped,
         swaps=Swaps(("foot",), state),
-        layer=replace(given.layer, view_status=status),
+        layer=replace(measurements.layer, view_status=status),
     )
-    one, two = solved(given), solved(other)
+    one, two = solved(measurements), solved(other)
     assert np.array_equal(np.asarray(one.points_m), np.asarray(two.points_m))
     assert (np.asarray(two.view_status)[30:60, 0, :, 2] == ViewStatus.USED_SWAPPED).mean() > 0.98
 
 
-def quick_hand(frames: int) -> np.ndarray:
+def fast_hand(frames: int) -> np.ndarray:
     """Return paths where the wrist swings at 3 Hz with 30 cm amplitude and everything else is static."""
     points = swinging(1).repeat(frames, axis=0)
     points[:, 2, 0] += 0.15 * np.sin(2.0 * np.pi * 3.0 * np.arange(frames) / 60.0)
@@ -327,12 +329,12 @@ def quick_hand(frames: int) -> np.ndarray:
 
 
 def test_fast_hand_motion_is_preserved():
-    truth = quick_hand(FRAMES)
+    truth = fast_hand(FRAMES)
     layer = solved(measured(truth, seed=4))
     t = np.arange(FRAMES) / 60.0
     basis = np.stack([np.sin(6.0 * np.pi * t), np.cos(6.0 * np.pi * t), np.ones(FRAMES)], axis=-1)
-    found = np.linalg.lstsq(basis, np.asarray(layer.points_m)[:, 0, 2, 0], rcond=None)[0]
-    assert np.hypot(*found[:2]) == pytest.approx(0.15, rel=0.02)
+    actual = np.linalg.lstsq(basis, np.asarray(layer.points_m)[:, 0, 2, 0], rcond=None)[0]
+    assert np.hypot(*actual[:2]) == pytest.approx(0.15, rel=0.02)
 
 
 def test_solve_is_deterministic(arm):

@@ -33,14 +33,14 @@ def test_result_is_a_minimum_of_the_bounded_cost(ugly):
     """The minimum holds also where residuals lie in the range of falling weights."""
     result = triangulate(ugly.rig, ugly.detections, Options(pairs="labels", noise_scale_px=2.0))
     layer = result.layers["measured"]
-    points, there = layer.points_m[:, 0], layer.has_point[:, 0]
+    points, present = layer.points_m[:, 0], layer.has_point[:, 0]
     lowest = bounded_cost(ugly, points, result.noise.scale_px)
     between = ((layer.view_error_px > 5.0) & (layer.view_error_px < 10.0)).any(axis=-1)[:, 0]
-    assert (between & there).sum() > 100
+    assert (between & present).sum() > 100
     for axis in np.eye(3):
         step = 0.05 * layer.sd_m[:, 0] * axis
         for sign in (1, -1):
-            assert (bounded_cost(ugly, points + sign * step, result.noise.scale_px) > lowest)[there].all()
+            assert (bounded_cost(ugly, points + sign * step, result.noise.scale_px) > lowest)[present].all()
 
 
 @pytest.mark.parametrize(("cameras", "share"), [(5, 0.05), (8, 0.4), (16, 0.4)])

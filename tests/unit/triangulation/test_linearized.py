@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 from posefuse.model.noise import NoiseModel
-from posefuse.noise.leave_one_out import choose_pairs
-from posefuse.noise.mixture import fit_mixture
 from posefuse.triangulation.linearized import LinearPoints
 from posefuse.triangulation.observations import Observations
 from tests.scenes import LENSES, body_points, ring
@@ -64,39 +62,6 @@ def test_leave_one_out_equals_a_fit_without_the_view(rng):
     sigma[:, 3] = np.inf
     without = linear.fit(sigma)
     np.testing.assert_allclose(fit.squared - gain[:, 3], without.squared, rtol=1e-6)
-
-
-@pytest.mark.parametrize("size_px", [0.0, 8.0, 10.0, 20.0, 100.0])
-def test_noise_of_inliers_is_estimated_despite_outliers(size_px, rng):
-    """One observation of five is off by ``size_px`` at every point."""
-    observations, truth = observed(rng, n=1500)
-    view, angle = rng.integers(0, 5, 1500), rng.uniform(0, 2 * np.pi, 1500)
-    observations.pixels[np.arange(1500), view] += size_px * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    found = fit_mixture(LinearPoints.at(observations, truth).fit(np.full((1500, 5), SIGMA_PX)))
-    assert found.scale == pytest.approx(1.0, rel=0.05)
-    if size_px >= 20.0:
-        assert (found.outlier.argmax(axis=1) == view).mean() > 0.97
-        assert found.all_inliers.mean() < 0.05
-    if size_px == 0.0:
-        assert found.all_inliers.mean() > 0.95
-
-
-def test_scale_is_relative_to_sigma(rng):
-    observations, truth = observed(rng)
-    linear = LinearPoints.at(observations, truth)
-    one, other = (fit_mixture(linear.fit(np.full((300, 5), sigma))).scale for sigma in (1.0, 4.0))
-    assert one == pytest.approx(4.0 * other, rel=0.01)
-
-
-def test_pairs_stay_within_their_piece():
-    """A pair joins a point with the next frame if that is informative and in the same piece."""
-    telling = np.ones((6, 1, 2), dtype=bool)
-    telling[1, 0, 0] = False
-    pairs = choose_pairs(telling, (0, 4), 100).reshape(-1, 2).tolist()
-    assert pairs == [[0, 0], [1, 3], [3, 5], [4, 6], [5, 7], [6, 6], [7, 7], [8, 10], [9, 11], [10, 10], [11, 11]]
-    few = choose_pairs(telling, (0, 4), 2).reshape(-1, 2)[:, 0].tolist()
-    assert few == [0, 7, 8, 11]
-    assert choose_pairs(np.zeros((3, 1, 2), dtype=bool), (0, 1), 5).tolist() == []
 
 
 def test_points_without_views_have_zero_residuals(rng):

@@ -91,7 +91,7 @@ def test_no_note_for_a_single_camera():
 def assert_matches_reference(data, layer, reference):
     frames = len(data.pixels)
     expected = np.array([[reference(data.pixels[f, :, k]) for k in range(26)] for f in range(frames)])
-    found = layer.points_m[:, 0]
-    np.testing.assert_array_equal(np.isnan(found), np.isnan(expected))
+    actual = layer.points_m[:, 0]
+    np.testing.assert_array_equal(np.isnan(actual), np.isnan(expected))
     # The solvers stop within a hundredth of a standard error of each other.
-    np.testing.assert_allclose(found, expected, atol=2e-4)
+    np.testing.assert_allclose(actual, expected, atol=2e-4)

@@ -58,7 +58,7 @@ def write(rig: CameraRig, path: Path) -> None:
         FileError: if up is not z, or a lens has coefficients other than k1 k2 p1 p2.
     """
     if rig.up_axis != "z":
-        raise FileError(f"the format of Pose2Sim requires z up, and the up axis is {rig.up_axis or 'unknown'}")
+        raise FileError(f"Pose2Sim's format requires the up axis z, but it is {rig.up_axis or 'unknown'}")
     data: dict[str, Any] = {}
     for i, camera in enumerate(rig.cameras):
         # Tables are read in the order of the numbers in their names, so the names keep the order of the cameras.
@@ -76,7 +76,7 @@ def _four_coefficients(camera: Camera) -> list[float]:
     """
     coefficients = [*camera.distortion, *[0.0] * (4 - len(camera.distortion))]
     if camera.lens not in (LensModel.PINHOLE, LensModel.BROWN) or any(coefficients[4:]):
-        raise FileError(f"the format of Pose2Sim has only k1 k2 p1 p2, and camera {camera.name!r} has others")
+        raise FileError(f"the Pose2Sim format has only k1 k2 p1 p2, and camera {camera.name!r} has others")
     return coefficients[:4]
 
 

@@ -135,7 +135,7 @@ def write(rig: CameraRig, path: Path) -> None:
             does not allow.
     """
     if rig.up_axis != "z":
-        raise FileError(f"the format of Qualisys requires z up, and the up axis is {rig.up_axis or 'unknown'}")
+        raise FileError(f"Qualisys's format requires the up axis z, but it is {rig.up_axis or 'unknown'}")
     root = ElementTree.Element("calibration", {"source": "posefuse", "type": "regular"})
     cameras = ElementTree.SubElement(root, "cameras")
     for camera in rig.cameras:
@@ -152,13 +152,13 @@ def write(rig: CameraRig, path: Path) -> None:
 
 def _check_xml_text(text: str) -> str:
     if _NOT_IN_XML.search(text):
-        raise FileError(f"the format of Qualisys is XML, which does not allow some characters of {text[:40]!r}")
+        raise FileError(f"the Qualisys format is XML, which does not allow some characters of {text[:40]!r}")
     return text
 
 
 def _add_camera(cameras: ElementTree.Element, camera: Camera) -> None:
     if camera.lens not in (LensModel.PINHOLE, LensModel.BROWN):
-        raise FileError(f"the format of Qualisys has only k1 k2 p1 p2 k3, and camera {camera.name!r} has others")
+        raise FileError(f"the Qualisys format has only k1 k2 p1 p2 k3, and camera {camera.name!r} has others")
     k1, k2, p1, p2, k3 = camera.distortion or (0.0,) * 5
     width, height = camera.size_px
     about = {
@@ -173,7 +173,7 @@ def _add_camera(cameras: ElementTree.Element, camera: Camera) -> None:
         edges = {"left": "0", "top": "0", "right": str(width - 1), "bottom": str(height - 1)}
         ElementTree.SubElement(element, field, edges)
     axes = _CAMERA_AXES @ camera.rotation
-    position = dict(zip("xyz", (camera.centre_m / METERS_PER_UNIT["mm"]).tolist(), strict=True))
+    position = dict(zip("xyz", (camera.center_m / METERS_PER_UNIT["mm"]).tolist(), strict=True))
     rotation = {f"r{i + 1}{j + 1}": float(axes[i, j]) for i in range(3) for j in range(3)}
     ElementTree.SubElement(element, "transform", _attributes(rotation | position))
     (fu, skew, cu), (_, fv, cv), _ = (_SUBPIXELS * camera.matrix).tolist()

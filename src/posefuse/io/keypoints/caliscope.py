@@ -74,7 +74,7 @@ def read(path: Path, request: Request) -> Detections:
         notes = (f"{int((~body).sum())} observations of hands and face are ignored; {skeleton.name} has none.",)
     views, begin_s = with_times_from_start(views)
     if begin_s:
-        notes = (*notes, f"Time 0 is second {begin_s} of {file.name}.")
+        notes = (*notes, f"Time 0 corresponds to {begin_s} s in {file.name}.")
     rate_hz = request.rate_hz or _rate_hz(table)
     return assemble(path, views, skeleton, rate_hz, notes)
 

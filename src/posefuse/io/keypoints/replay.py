@@ -102,7 +102,10 @@ def read(path: Path, request: Request) -> Detections:
     names = header.cameras if header is not None else sorted(content.names)
     unknown = sorted(set(content.names) - set(names))
     if unknown:
-        raise FileError(f"{path} has detections of {choices(unknown)}, but its first line names {choices(names)}.")
+        raise FileError(
+            f"{path} has detections of cameras that its first line does not list: {choices(unknown)}. It lists "
+            f"{choices(names)}."
+        )
     views = np.array([names.index(name) for name in content.names], dtype=np.int64)
     cells = replace(content.cells, camera=array("q", views[np.array(content.cells.camera, dtype=np.int64)]))
     index = index_of(path, (path,), names, cells, content.n_keypoints)
@@ -174,7 +177,7 @@ def _index_lines(path: Path, lines: BinaryIO, header: _Header | None, request: R
     if not n_frames:
         raise FileError(f"{path} is an empty recording: it has no frames.")
     if len(frames) < n_frames:
-        raise FileError(f"{path} has {n_frames - len(frames)} frames more than once.")
+        raise FileError(f"{path} contains {n_frames - len(frames)} duplicate frames.")
     return content
 
 
@@ -195,7 +198,7 @@ def _add_frame(content: _Content, frame: _Frame, record: Record, where: str) -> 
             content.n_keypoints = content.n_keypoints or people.shape[1]
             if people.shape[1] != content.n_keypoints:
                 raise FileError(
-                    f"{where}, camera {name!r}: people have {people.shape[1]} keypoints, others have "
+                    f"{where}, camera {name!r}: people have {people.shape[1]} keypoints, but others have "
                     f"{content.n_keypoints}. All must have the same skeleton."
                 )
         content.sigma |= any(person.sigma_px is not None for person in camera.detections)

@@ -66,7 +66,7 @@ def with_rates(detections: Detections, rates_hz: Mapping[str, float], rate_hz: f
     unknown = [name for name, rate in zip(detections.view_names, rates, strict=True) if np.isnan(rate)]
     if unknown:
         raise DetectionsError(
-            f"view_rates_hz has no rate for {choices(unknown)}. Set it, or give --rate-hz for the rest."
+            f"view_rates_hz sets no rate for {choices(unknown)}. Add it, or set --rate-hz for all other views."
         )
     numbers = detections.frame_numbers - detections.frame_numbers[0]
     times = numbers[:, None] / rates
@@ -100,10 +100,10 @@ def with_timestamps(detections: Detections, stamps: Timestamps) -> Detections:
         times[recorded, v] = _times_of(
             detections.frame_numbers[recorded], each, f"{stamps.source}, view {detections.view_names[v]!r}"
         )
-    note = f"Times are those of {stamps.source}" + (f"; it has more views: {choices(others)}." if others else ".")
+    note = f"Times are read from {stamps.source}" + (f", which has more views: {choices(others)}." if others else ".")
     notes = (*detections.notes, *stamps.notes, note)
     if begin_s:
-        notes = (*notes, f"Time 0 is its second {begin_s}.")
+        notes = (*notes, f"Time 0 corresponds to {begin_s} s in {stamps.source}.")
     return replace(detections, time_s=times - begin_s, notes=notes, rate_hz=None)
 
 

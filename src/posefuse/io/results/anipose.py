@@ -67,9 +67,9 @@ def _tables(result: Reconstruction, person: int, name: LayerName, rows: np.ndarr
 
 def _to_calibration(result: Reconstruction) -> list[float]:
     """Return M in row order, then the center."""
-    matrix, center = result.rig.metres_per_unit * np.eye(3), np.zeros(3)
+    matrix, center = result.rig.meters_per_unit * np.eye(3), np.zeros(3)
     if result.alignment is not None:
-        matrix = result.alignment.scale * result.rig.metres_per_unit * result.alignment.rotation
+        matrix = result.alignment.scale * result.rig.meters_per_unit * result.alignment.rotation
         # Adding 0.0 avoids writing -0.0.
         center = 0.0 - result.alignment.shift_m
     return [*matrix.ravel().tolist(), *center.tolist()]

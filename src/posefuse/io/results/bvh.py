@@ -32,7 +32,7 @@ from posefuse.progress import Progress
 _CM = 100.0
 _CHANNELS = "Zrotation Xrotation Yrotation"
 _ROOT = "Xposition Yposition Zposition"
-_GAP_HANDLING = "BVH cannot leave out frames, so the last pose is held"
+_GAP_HANDLING = "BVH cannot omit frames, so the last pose is held"
 
 
 def write(result: Reconstruction, person: str, path: Path, progress: Progress | None = None) -> list[str]:

@@ -107,7 +107,7 @@ def matches(path: Path) -> bool:
 
 
 def read(path: Path) -> StoredPoints:
-    """Read a file of movement, with either naming of dimensions, or of posefuse.
+    """Read a file that movement or posefuse wrote, with singular or plural dimension names.
 
     Raises:
         FileError: if it is not such a file, is corrupt, or contains 2D poses.

@@ -320,7 +320,7 @@ def _write_rig(file: h5netcdf.File, rig: CameraRig) -> None:
     if rig.up_axis is not None:
         file.attrs["up_axis"] = rig.up_axis
     file.attrs["rig_source"] = rig.source
-    file.attrs["rig_metres_per_unit"] = float(rig.metres_per_unit)
+    file.attrs["rig_meters_per_unit"] = float(rig.meters_per_unit)
     file.attrs["rig_notes"] = json.dumps(rig.notes)
     coefficients = np.full((len(rig), 8), np.nan)
     for i, camera in enumerate(rig.cameras):
@@ -363,7 +363,8 @@ def _read_rig(file: h5netcdf.File) -> CameraRig:
         cameras,
         None if up is None else str(up),  # type: ignore[arg-type]
         text_of(file, "rig_source"),
-        number_of(file, "rig_metres_per_unit"),
+        # Files of earlier versions have the British spelling.
+        number_of(file, "rig_metres_per_unit" if "rig_metres_per_unit" in file.attrs else "rig_meters_per_unit"),
         tuple(json.loads(text_of(file, "rig_notes"))),
     )
 

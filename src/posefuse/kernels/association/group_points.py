@@ -5,6 +5,7 @@ one frame do not fill a block.
 """
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -39,41 +40,42 @@ GROUP_ITERATIONS = 3
 _CUTOFF_SQUARED = 25.0
 
 
+class GroupMembers(NamedTuple):
+    """Detections that show the same person.
+
+    Attributes:
+        rays: shape (detection, core, 12), from :func:`compute_observations`.
+        weights: shape (detection, core), likewise.
+        mirror: shape (core,), int64: the partner of each keypoint.
+        members: shape (at least the number of members,), int64: detections.
+        swapped: shape (at least the number of members,), bool: whether left and right are swapped in each member.
+    """
+
+    rays: Any
+    weights: Any
+    mirror: Any
+    members: Any
+    swapped: Any
+
+
 @kernel
-def compute_observations(
-    cameras,
-    distorted,
-    fisheye,
-    keypoints_px,
-    confidence,
-    view,
-    selected,
-    core,
-    scale_px,
-    exponent,
-    min_confidence,
-    rays,
-    weights,
-):
+def compute_observations(cameras, detections, noise, selected, core, rays, weights):
     """Compute observation rows and weights of single detections.
 
     Args:
-        cameras: the camera array, shape (view, COLUMNS).
-        distorted: None if the rig has no lens with distortion polynomials.
-        fisheye: None if the rig has no fisheye lens.
-        keypoints_px: shape (row, keypoint, 2), NaN where missing.
-        confidence: shape (row, keypoint), NaN where the detector gives none.
-        view: shape (row,), int64.
+        cameras: CameraArrays.
+        detections: Detections.
+        noise: NoiseParameters.
         selected: shape (detection,), int64: the rows to use.
         core: shape (core,), int64: the keypoints to use.
-        scale_px: shape (view,): noise of a detection of confidence 1, in px per axis.
-        exponent: the noise is ``scale_px / confidence^exponent``.
-        min_confidence: keypoints below this confidence are not used.
         rays: shape (detection, core, 12), written: g0, g1, c of
             :func:`posefuse.kernels.cameras.observation_rows.rows_block`.
         weights: shape (detection, core), written: 1 / sigma^2 in 1/px^2, 0 where there is no observation.
     """
-    n_views = cameras.shape[0]
+    array, distorted, fisheye = cameras
+    keypoints_px, confidence, view = detections
+    scale_px, exponent, min_confidence = noise
+    n_views = array.shape[0]
     pixels = np.empty((n_views, 2, BLOCK))
     block_codes = np.empty((n_views, BLOCK), np.int64)
     block_rows = np.empty((n_views, 12, BLOCK))
@@ -87,7 +89,7 @@ def compute_observations(
             for j in range(BLOCK):
                 pixels[v, 0, j] = keypoints_px[row, core[first + j], 0] if j < here else math.nan
                 pixels[v, 1, j] = keypoints_px[row, core[first + j], 1] if j < here else math.nan
-            rows_block(cameras, distorted, fisheye, v, pixels, block_codes, block_rows, scratch)
+            rows_block(array, distorted, fisheye, v, pixels, block_codes, block_rows, scratch)
             for j in range(here):
                 c = confidence[row, core[first + j]]
                 usable_confidence = c if c == c else 1.0
@@ -149,8 +151,9 @@ def _add_normal_equations(a0, a1, a2, b0, b1, b2, r, s, w, sums):
 
 
 @subroutine
-def _linear_point(rays, weights, mirror, members, swapped, count, k):
+def _linear_point(group, count, k):
     """Return ``(solved, x, y, z)`` with the least depth-weighted (algebraic) residuals over all members."""
+    rays, weights, mirror, members, swapped = group
     sums = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     n_views = 0
     for i in range(count):
@@ -175,8 +178,9 @@ def _linear_point(rays, weights, mirror, members, swapped, count, k):
 
 
 @subroutine
-def _robust_equations(rays, weights, mirror, members, swapped, count, k, x, y, z, cutoff):
+def _robust_equations(group, count, k, x, y, z, cutoff):
     """Return ``(n_front, cost, nine sums)`` at a point; the weight of a member falls to 0 at ``cutoff`` sigma^2."""
+    rays, weights, mirror, members, swapped = group
     sums = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     cost = 0.0
     front = 0
@@ -201,10 +205,10 @@ def _robust_equations(rays, weights, mirror, members, swapped, count, k, x, y, z
 
 
 @subroutine
-def triangulate_keypoint(rays, weights, mirror, members, swapped, count, iterations, k, points):
+def triangulate_keypoint(group, count, iterations, k, points):
     """Triangulate core keypoint ``k`` if at least two members observe it; see :func:`triangulate_group`."""
     points[k, VALID] = 0.0
-    solved_linear, x, y, z = _linear_point(rays, weights, mirror, members, swapped, count, k)
+    solved_linear, x, y, z = _linear_point(group, count, k)
     if not solved_linear:
         return
     # With two views no residual can identify an outlier, so nothing is down-weighted.
@@ -212,7 +216,7 @@ def triangulate_keypoint(rays, weights, mirror, members, swapped, count, iterati
     for iteration in range(iterations + 1):
         if count > 2:
             cutoff = 4.0 * _CUTOFF_SQUARED if iteration < 2 else _CUTOFF_SQUARED
-        front, cost, sums = _robust_equations(rays, weights, mirror, members, swapped, count, k, x, y, z, cutoff)
+        front, cost, sums = _robust_equations(group, count, k, x, y, z, cutoff)
         if front < 2:
             return
         if iteration < iterations:
@@ -233,21 +237,17 @@ def triangulate_keypoint(rays, weights, mirror, members, swapped, count, iterati
 
 
 @subroutine
-def triangulate_group(rays, weights, mirror, members, swapped, count, iterations, points):
+def triangulate_group(group, count, iterations, points):
     """Triangulate every core keypoint that at least two members observe.
 
     Args:
-        rays: from :func:`compute_observations`.
-        weights: from :func:`compute_observations`.
-        mirror: shape (core,), int64: the partner of each keypoint.
-        members: shape (at least count,), int64: detections.
-        swapped: shape (at least count,), bool: whether left and right are swapped in each member.
+        group: GroupMembers.
         count: number of members.
         iterations: Gauss-Newton iterations after the linear start; with more than two members they are reweighted.
         points: shape (core, POINT_COLUMNS), written.
     """
-    for k in range(weights.shape[1]):
-        triangulate_keypoint(rays, weights, mirror, members, swapped, count, iterations, k, points)
+    for k in range(group.weights.shape[1]):
+        triangulate_keypoint(group, count, iterations, k, points)
 
 
 @inline

@@ -8,7 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from posefuse.kernels.association.group_points import GROUP_ITERATIONS, POINT_COLUMNS, centroid, triangulate_group
+from posefuse.kernels.association.group_points import (
+    GROUP_ITERATIONS,
+    POINT_COLUMNS,
+    GroupMembers,
+    centroid,
+    triangulate_group,
+)
 from posefuse.kernels.association.log_odds import bone_log_odds, join_log_odds
 from posefuse.kernels.cameras.lens import OK, project_point, to_camera
 from posefuse.kernels.jit import inline, kernel, subroutine
@@ -77,21 +83,29 @@ class GroupTable(NamedTuple):
 
 
 class _GrowingGroup(NamedTuple):
-    """The group that is being grown: its members in the order of joining, their swap flags, and its points."""
+    """The group that is being grown.
 
+    Attributes:
+        unassigned: shape (detection,), bool: detections that no accepted group has.
+        members: shape (view,), int64: its members in the order of joining.
+        swapped: shape (view,), bool: whether left and right are swapped in each member.
+        points: shape (core, POINT_COLUMNS).
+    """
+
+    unassigned: Any
     members: Any
     swapped: Any
     points: Any
 
 
 @subroutine
-def _best_candidate(candidates, parameters, unassigned, growth, count):
+def _best_candidate(candidates, parameters, growth, count):
     """Return ``(log odds, detection, swapped)`` of the best candidate for a group; detection -1 if there is none."""
     best = parameters.join
     found = -1
     best_swapped = False
     for n in range(len(candidates.views)):
-        possible = unassigned[n]
+        possible = growth.unassigned[n]
         for i in range(count):
             m = growth.members[i]
             possible = possible and candidates.allowed[n, m] and candidates.views[n] != candidates.views[m]
@@ -145,27 +159,24 @@ def _is_covered(context, v, pixel_u, pixel_v):
 
 
 @subroutine
-def _grow_group(candidates, parameters, context, pair_scores, unassigned, growth):
+def _grow_group(candidates, parameters, context, pair_scores, growth):
     """Grow the group whose first two members are set; return its log odds and number of members."""
-    members, swapped, points = growth
+    members, swapped, points = growth.members, growth.swapped, growth.points
     count = 2
     swapped[0] = False
     swapped[1] = False
     odds = pair_scores[members[0], members[1]]
-    triangulate_group(
-        candidates.rays, candidates.weights, candidates.mirror, members, swapped, count, GROUP_ITERATIONS, points
-    )
+    group = GroupMembers(candidates.rays, candidates.weights, candidates.mirror, members, swapped)
+    triangulate_group(group, count, GROUP_ITERATIONS, points)
     while count < len(members):
-        gain, n, is_swapped = _best_candidate(candidates, parameters, unassigned, growth, count)
+        gain, n, is_swapped = _best_candidate(candidates, parameters, growth, count)
         if n < 0:
             break
         odds += gain
         members[count] = n
         swapped[count] = is_swapped
         count += 1
-        triangulate_group(
-            candidates.rays, candidates.weights, candidates.mirror, members, swapped, count, GROUP_ITERATIONS, points
-        )
+        triangulate_group(group, count, GROUP_ITERATIONS, points)
     return odds + bone_log_odds(candidates, parameters, points) + _miss_log_odds(
         candidates, parameters, context, growth, count
     ), count
@@ -207,8 +218,9 @@ def _is_redundant(table, n_groups, view, a, b, support_scores):
 
 
 @subroutine
-def _grow_pairs(candidates, parameters, context, pair_scores, seeds, unassigned, growth, table, n_groups):
+def _grow_pairs(candidates, parameters, context, pair_scores, seeds, growth, table, n_groups):
     """Grow every non-redundant pair of unassigned detections; return the new number of groups."""
+    unassigned = growth.unassigned
     n_grown = 0
     for i in range(len(seeds)):
         a = int(seeds[i, 0])
@@ -222,7 +234,7 @@ def _grow_pairs(candidates, parameters, context, pair_scores, seeds, unassigned,
             continue
         growth.members[0] = a
         growth.members[1] = b
-        odds, count = _grow_group(candidates, parameters, context, pair_scores, unassigned, growth)
+        odds, count = _grow_group(candidates, parameters, context, pair_scores, growth)
         _store_group(candidates, pair_scores, growth, count, odds, table, n_groups)
         n_groups += 1
         n_grown += 1
@@ -353,11 +365,11 @@ def form_groups(candidates, parameters, context, pixels, pair_scores, seeds, tab
     n_views = context.cameras.shape[0]
     unassigned = np.ones(len(candidates.views), np.bool_)
     points = np.empty((pixels.shape[1], POINT_COLUMNS))
-    growth = _GrowingGroup(np.empty(n_views, np.int64), np.empty(n_views, np.bool_), points)
+    growth = _GrowingGroup(unassigned, np.empty(n_views, np.int64), np.empty(n_views, np.bool_), points)
     table.duplicate_of[:] = -1
     n_groups = 0
     for _ in range(len(candidates.views)):
-        n_groups = _grow_pairs(candidates, parameters, context, pair_scores, seeds, unassigned, growth, table, n_groups)
+        n_groups = _grow_pairs(candidates, parameters, context, pair_scores, seeds, growth, table, n_groups)
         if _accept_groups(candidates, parameters, pixels, unassigned, table, n_groups) == 0:
             break
     _mark_duplicates(candidates, parameters, pixels, unassigned, table, n_groups)

@@ -13,6 +13,7 @@ from posefuse.kernels.association.group_points import (
     INFORMATION,
     POINT,
     VALID,
+    GroupMembers,
     keypoint_index,
     residual_at,
     residual_derivative,
@@ -120,6 +121,7 @@ def pair_log_odds(candidates, parameters, members, swapped, points):
         The log odds, or -inf if keypoints were skipped; ``points`` is then incomplete.
     """
     weights = candidates.weights
+    group = GroupMembers(candidates.rays, weights, candidates.mirror, members, swapped)
     a = members[0]
     b = members[1]
     clutter = candidates.clutter_px[candidates.views[a]] * candidates.clutter_px[candidates.views[b]]
@@ -131,9 +133,7 @@ def pair_log_odds(candidates, parameters, members, swapped, points):
         if not both > 0.0:
             continue
         common += 1
-        triangulate_keypoint(
-            candidates.rays, weights, candidates.mirror, members, swapped, 2, _PAIR_ITERATIONS, k, points
-        )
+        triangulate_keypoint(group, 2, _PAIR_ITERATIONS, k, points)
         likelihood_ratio = 0.0
         if points[k, VALID] > 0.0:
             spread_factor = 1.0 + points[k, COST] * (1.0 / 3.0)
@@ -170,7 +170,7 @@ def join_log_odds(candidates, parameters, points, n, swapped):
         depth, r, s = residual_at(rays, n, m, points[k, POINT], points[k, POINT + 1], points[k, POINT + 2])
         likelihood_ratio = 0.0
         if depth > 0.0:
-            xx, xy, yy = _innovation_covariance(rays, points, n, m, k, depth, r, s, 1.0 / weights[n, m])
+            xx, xy, yy = _innovation_covariance(rays, points[k], n, m, depth, r, s, 1.0 / weights[n, m])
             determinant = xx * yy - xy * xy
             spread_factor = 1.0 + (yy * r * r - 2.0 * xy * r * s + xx * s * s) / determinant * (1.0 / 3.0)
             likelihood_ratio = (
@@ -184,11 +184,11 @@ def join_log_odds(candidates, parameters, points, n, swapped):
 
 
 @inline
-def _innovation_covariance(rays, points, n, m, k, depth, r, s, own_variance):
+def _innovation_covariance(rays, point, n, m, depth, r, s, own_variance):
     """Return the residual covariance ``(xx, xy, yy)`` in px^2: the projected point plus the detection noise."""
     i = INFORMATION
     _, cxx, cxy, cxz, cyy, cyz, czz = invert_symmetric(
-        points[k, i], points[k, i + 1], points[k, i + 2], points[k, i + 3], points[k, i + 4], points[k, i + 5]
+        point[i], point[i + 1], point[i + 2], point[i + 3], point[i + 4], point[i + 5]
     )
     a0, a1, a2, b0, b1, b2 = residual_derivative(rays, n, m, depth, r, s)
     p0 = cxx * a0 + cxy * a1 + cxz * a2

@@ -12,6 +12,7 @@ from posefuse.kernels.association.group_points import (
     POINT,
     POINT_COLUMNS,
     VALID,
+    GroupMembers,
     is_within_volume,
     residual_at,
     triangulate_group,
@@ -71,10 +72,11 @@ def triangulate_pairs(rays, weights, pairs, bodies, errors_px):
     mirror = np.arange(n_core)
     swapped = np.zeros(2, np.bool_)
     members = np.empty(2, np.int64)
+    group = GroupMembers(rays, weights, mirror, members, swapped)
     for i in range(len(pairs)):
         members[0] = pairs[i, 0]
         members[1] = pairs[i, 1]
-        triangulate_group(rays, weights, mirror, members, swapped, 2, GROUP_ITERATIONS, points)
+        triangulate_group(group, 2, GROUP_ITERATIONS, points)
         for k in range(n_core):
             valid = points[k, VALID] > 0.0
             for j in range(3):

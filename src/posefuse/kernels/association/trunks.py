@@ -69,7 +69,7 @@ def _invert_covariances(points, covariance, floor_m, person, corners, informatio
 
 
 @subroutine
-def _accumulate(points, person, corners, design, information, weight, origin, matrix, right):
+def _accumulate(points, corners, design, information, weight, origin, matrix, right):
     """Add the weighted normal equations of all corners."""
     n_vectors = design.shape[1]
     for i in range(len(corners)):
@@ -80,7 +80,7 @@ def _accumulate(points, person, corners, design, information, weight, origin, ma
                 factor = weight[i] * design[i, a]
                 for q in range(3):
                     value = factor * _symmetric_entry(information, i, p, q)
-                    right[3 * a + p] += value * (points[person, corners[i], q] - origin[q])
+                    right[3 * a + p] += value * (points[corners[i], q] - origin[q])
                     for b in range(n_vectors):
                         matrix[3 * a + p, 3 * b + q] += value * design[i, b]
 
@@ -94,14 +94,14 @@ def _symmetric_entry(information, i, p, q):
 
 
 @subroutine
-def _update_weights(points, person, corners, design, information, origin, solution, weight):
+def _update_weights(points, corners, design, information, origin, solution, weight):
     """Update the Student t weights of the corners from their residuals."""
     for i in range(len(corners)):
         total = 0.0
         for p in range(3):
             for q in range(3):
-                residual_p = points[person, corners[i], p] - origin[p]
-                residual_q = points[person, corners[i], q] - origin[q]
+                residual_p = points[corners[i], p] - origin[p]
+                residual_q = points[corners[i], q] - origin[q]
                 for a in range(design.shape[1]):
                     residual_p -= design[i, a] * solution[3 * a + p]
                     residual_q -= design[i, a] * solution[3 * a + q]
@@ -145,14 +145,14 @@ def estimate_trunk_centers(points, covariance, corners, design, sizes_m, floor_m
             right[:] = 0.0
             for i in range(n):
                 matrix[i, i] = 1.0 / (sizes_m[i // 3] * sizes_m[i // 3])
-            _accumulate(points, person, corners, design, information, weight, origin, matrix, right)
+            _accumulate(points[person], corners, design, information, weight, origin, matrix, right)
             _invert(matrix, inverse)
             for i in range(n):
                 solution[i] = 0.0
                 for j in range(n):
                     solution[i] += inverse[i, j] * right[j]
             if iteration < _ITERATIONS - 1:
-                _update_weights(points, person, corners, design, information, origin, solution, weight)
+                _update_weights(points[person], corners, design, information, origin, solution, weight)
         for p in range(3):
             centers[person, p] = origin[p] + solution[p]
         covariances[person, 0] = inverse[0, 0]

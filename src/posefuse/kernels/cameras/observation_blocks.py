@@ -189,8 +189,8 @@ def fill_linearized_errors(rows, weights, state, view_errors):
 
 
 @inline
-def store_view_results(view_codes, view_errors, status, lane_indices, out_view_codes, out_view_errors, out_mean_errors):
-    """Write the per-view results of a block, and the mean error over the used views of each point."""
+def store_view_results(view_codes, view_errors, status, lane_indices, out):
+    """Write the per-view results of a block, and the mean error over the used views, to a TriangulatedPoints."""
     for j in range(BLOCK):
         n = lane_indices[0, j]
         k = lane_indices[1, j]
@@ -204,6 +204,6 @@ def store_view_results(view_codes, view_errors, status, lane_indices, out_view_c
             if code == status_codes.VIEW_USED:
                 total += view_errors[v, j]
                 n_used += 1
-            out_view_codes[n, k, v] = code if solved or code != status_codes.VIEW_USED else status_codes.VIEW_NOT_USED
-            out_view_errors[n, k, v] = view_errors[v, j] if solved else math.nan
-        out_mean_errors[n, k] = total / n_used if solved else math.nan
+            out.view_codes[n, k, v] = code if solved or code != status_codes.VIEW_USED else status_codes.VIEW_NOT_USED
+            out.view_errors_px[n, k, v] = view_errors[v, j] if solved else math.nan
+        out.mean_errors_px[n, k] = total / n_used if solved else math.nan

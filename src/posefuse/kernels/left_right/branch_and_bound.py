@@ -164,8 +164,10 @@ def _enter_state(quadratic, chosen_labels, branch, depth, bound, cost):
 
 
 @subroutine
-def _refine_point(rows, weights, chosen_labels, n, side, j, full, none, sums, point):
+def _refine_point(workspace, lane, n, side, j, full, none):
     """Refine one point of a branch by reweighted Gauss-Newton; write its cost and position."""
+    rows, weights, sums = workspace.rows, workspace.weights, workspace.sums[0]
+    chosen_labels, point = lane.chosen_labels, lane.points[side]
     for iteration in range(_ITERATIONS):
         widening = 4.0 if iteration < _WIDE_ITERATIONS else 1.0
         zero_weight = widening * none
@@ -197,64 +199,62 @@ def _refine_point(rows, weights, chosen_labels, n, side, j, full, none, sums, po
 
 
 @subroutine
-def _finish_branch(rows, weights, workspace, n, j, full, none, sums):
+def _finish_branch(workspace, lane, n, j, full, none):
     """Return the cost of a complete branch."""
-    branch, center = workspace.branch[n], workspace.center
+    branch, center = lane.branch[n], lane.center
     if max(branch[_N_OBSERVATIONS], branch[_N_OBSERVATIONS + 1]) < 2.0:
         return math.inf
     total = branch[_UNUSED_COST]
     for side in range(2):
-        point = workspace.points[side]
+        point = lane.points[side]
         s = branch[10 * side : 10 * side + 10]
         # A single observation does not determine its point.
         point[0], point[1], point[2], point[3] = 0.0, math.nan, math.nan, math.nan
         if branch[_N_OBSERVATIONS + side] > 1.0:
             _, x, y, z = solve_symmetric(s[0], s[1], s[2], s[3], s[4], s[5], -s[6], -s[7], -s[8])
             point[1], point[2], point[3] = x + center[0], y + center[1], z + center[2]
-            _refine_point(rows, weights, workspace.chosen_labels, n, side, j, full, none, sums, point)
+            _refine_point(workspace, lane, n, side, j, full, none)
         total += point[0]
     return total
 
 
 @inline
-def _start_root(rows, weights, candidate, j, workspace):
+def _start_root(workspace, lane, candidate, j):
     """Initialize an empty branch and the rows of the views with any observation; return the number of views."""
-    branch = workspace.branch[0]
+    rows, weights, branch = workspace.rows, workspace.weights, lane.branch[0]
     for i in range(_ROWS):
         branch[i] = 0.0
     for i in range(3):
         x, y = candidate[i, j], candidate[3 + i, j]
         x = x if x == x else y
         y = y if y == y else x
-        workspace.center[i] = 0.5 * (x + y) if x == x else 0.0
+        lane.center[i] = 0.5 * (x + y) if x == x else 0.0
     n = 0
     for v in range(weights.shape[1]):
         if weights[0, v, j] > 0.0 or weights[1, v, j] > 0.0:
             for label in range(2):
-                out = workspace.quadratic[3 * n + label]
-                _make_quadratic(rows[label], weights[label, v, j], v, j, workspace.center, out)
-            workspace.chosen_labels[2, n] = v
+                out = lane.quadratic[3 * n + label]
+                _make_quadratic(rows[label], weights[label, v, j], v, j, lane.center, out)
+            lane.chosen_labels[2, n] = v
             n += 1
     return n
 
 
 @subroutine
-def improve_lane(rows, weights, full, none, candidate, cost, j, sums, workspace):
+def improve_lane(workspace, full, none, candidate, cost, j, lane):
     """Replace the candidate of lane ``j``, which has few views, by a cheaper one if there is any.
 
     Args:
-        rows: shape (label, view, 12, BLOCK).
-        weights: shape (label, view, BLOCK); 0 means missing.
+        workspace: a :class:`posefuse.kernels.left_right.workspace.Workspace`; ``sums`` is scratch.
         full, none: see :func:`posefuse.kernels.left_right.search.bounded`, in squared sigmas.
         candidate: shape (CANDIDATE_ROWS, BLOCK), in and out: two points; NaN on output if none are cheaper.
         cost: cost of the candidate without that of missing observations.
         j: the lane.
-        sums: shape (SUM_ROWS, BLOCK), scratch.
-        workspace: a BranchWorkspace, scratch.
+        lane: a BranchWorkspace, scratch.
     """
-    quadratic, branch, chosen_labels = workspace.quadratic, workspace.branch, workspace.chosen_labels
+    quadratic, branch, chosen_labels = lane.quadratic, lane.branch, lane.chosen_labels
     bound = full + (none - full) * (1.0 / 3.0)
-    n = _start_root(rows, weights, candidate, j, workspace)
+    n = _start_root(workspace, lane, candidate, j)
     for i in range(6):
         candidate[i, j] = math.nan
     depth = 0
@@ -267,11 +267,11 @@ def improve_lane(rows, weights, full, none, candidate, cost, j, sums, workspace)
                 depth += 1
                 _bound_next_view(quadratic, chosen_labels, branch, depth, full, none)
                 continue
-            total = _finish_branch(rows, weights, workspace, n, j, full, none, sums)
+            total = _finish_branch(workspace, lane, n, j, full, none)
             if total < cost - _MIN_IMPROVEMENT:
                 cost = total
                 # A single point comes first.
-                first = 0 if workspace.points[0, 1] == workspace.points[0, 1] else 1
+                first = 0 if lane.points[0, 1] == lane.points[0, 1] else 1
                 for i in range(3):
-                    candidate[i, j] = workspace.points[first, 1 + i]
-                    candidate[3 + i, j] = workspace.points[1 - first, 1 + i]
+                    candidate[i, j] = lane.points[first, 1 + i]
+                    candidate[3 + i, j] = lane.points[1 - first, 1 + i]

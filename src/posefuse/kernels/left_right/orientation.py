@@ -73,8 +73,10 @@ def _direction_cost(points, covariance, last_points, last_covariance, process_va
 
 
 @inline
-def _continuity_cost(points, covariance, last_points, last_covariance, last_s, now_s, turn_speed, speed, scratch):
-    """Return the cost of exchanging the two points of a pair over keeping them, from their last positions."""
+def _continuity_cost(points, covariance, p, now_s, memory, speeds, scratch):
+    """Return the cost of exchanging the two points of pair ``p`` over keeping them, from their last positions."""
+    last_points, last_covariance, last_s = memory.points[p], memory.covariance[p], memory.points_s[p]
+    turn_speed, speed = speeds.turn[p], speeds.point[p]
     present0, present1 = not math.isnan(points[0, 0]), not math.isnan(points[1, 0])
     known0, known1 = not math.isnan(last_points[0, 0]), not math.isnan(last_points[1, 0])
     if present0 and present1 and known0 and known1 and last_s[0] == last_s[1]:
@@ -115,9 +117,10 @@ def _add_label_costs(odds_now, last_points, elapsed_s, swap_fraction, forgetting
 
 
 @inline
-def _frame_costs(points, covariance, odds, now_s, memory, speeds, label_model, scratch, out):
+def _frame_costs(frames, t, memory, speeds, label_model, scratch, out):
     """Compute the costs of :func:`temporal_costs` for one frame."""
-    last_points, last_covariance, last_s, last_odds, odds_s = memory
+    points, covariance, odds, now_s = frames.points[t], frames.covariance[t], frames.odds[t], frames.time_s[t]
+    last_odds, odds_s = memory.odds, memory.odds_s
     swap_fraction, forgetting_rate, weight = label_model
     for p in range(points.shape[0]):
         for b in range(2):
@@ -131,17 +134,15 @@ def _frame_costs(points, covariance, odds, now_s, memory, speeds, label_model, s
                 )
         exchange = _UNSEEN_COST
         if not (math.isnan(points[p, 0, 0]) and math.isnan(points[p, 1, 0])):
-            exchange = _continuity_cost(
-                points[p], covariance[p], last_points[p], last_covariance[p], last_s[p], now_s, speeds[0][p],
-                speeds[1][p], scratch,
-            )  # fmt: skip
+            exchange = _continuity_cost(points[p], covariance[p], p, now_s, memory, speeds, scratch)
         out[p, 0, 1] += exchange
         out[p, 1, 0] += exchange
 
 
 @inline
-def _update_memory(points, covariance, odds, now_s, memory):
+def _update_memory(frames, t, memory):
     """Store one frame in the memory."""
+    points, covariance, odds, now_s = frames.points[t], frames.covariance[t], frames.odds[t], frames.time_s[t]
     last_points, last_covariance, last_s, last_odds, odds_s = memory
     for p in range(points.shape[0]):
         for i in range(2):
@@ -158,25 +159,20 @@ def _update_memory(points, covariance, odds, now_s, memory):
 
 
 @kernel
-def temporal_costs(points, covariance, odds, time_s, memory, speeds, label_model, scratch, out):
+def temporal_costs(frames, memory, speeds, label_model, scratch, out):
     """Compute the cost of every orientation of every pair given the previous orientation, for each frame.
 
     Args:
-        points: shape (frame, pair, 2, 3), NaN where missing.
-        covariance: shape (frame, pair, 2, 6).
-        odds: shape (frame, pair, view): log odds that the labels of a view are swapped relative to the order.
-        time_s: shape (frame,).
-        memory: last observations, updated: points (pair, 2, 3), covariances (pair, 2, 6), times (pair, 2), log odds
-            (pair, view), times (pair, view).
-        speeds: shape (pair,), twice: speed of change of the vector between the two points, and of one point, m/s.
-        label_model: fraction of the time that the labels of a view are swapped (view,), forgetting rate (view,), 1/s,
-            and weight of the labels of a pair (pair, view).
+        frames: PairFrames.
+        memory: a PairMemory, in and out.
+        speeds: MotionSpeeds.
+        label_model: a LabelModel.
         scratch: shape (2, 6), scratch.
         out: shape (frame, pair, 2, 2), written: orientation before, orientation now.
     """
-    for t in range(points.shape[0]):
-        _frame_costs(points[t], covariance[t], odds[t], time_s[t], memory, speeds, label_model, scratch, out[t])
-        _update_memory(points[t], covariance[t], odds[t], time_s[t], memory)
+    for t in range(frames.points.shape[0]):
+        _frame_costs(frames, t, memory, speeds, label_model, scratch, out[t])
+        _update_memory(frames, t, memory)
 
 
 @inline
@@ -195,8 +191,9 @@ def _minimize_transition(costs, origin, s, other, time_cost):
 
 
 @inline
-def _state_cost(s, pair_cost, link_cost, members, links, link_ends):
+def _state_cost(s, pair_cost, link_cost, block):
     """Return the cost of a state from the current frame alone."""
+    members, links, link_ends = block
     cost = 0.0
     for j in range(members.shape[0]):
         if s & (1 << j):
@@ -208,8 +205,9 @@ def _state_cost(s, pair_cost, link_cost, members, links, link_ends):
 
 
 @inline
-def _viterbi_step(costs, origin, time_cost, pair_cost, link_cost, members, links, link_ends):
+def _viterbi_step(costs, origin, time_cost, pair_cost, link_cost, block):
     """Perform one Viterbi step over the orientations of a block; update the costs and the predecessors."""
+    members = block.members
     for s in range(costs.shape[0]):
         origin[s] = s
     # Transitions of pairs are independent, so processing bit by bit is exact and takes J 2^J steps instead of 4^J.
@@ -219,33 +217,30 @@ def _viterbi_step(costs, origin, time_cost, pair_cost, link_cost, members, links
                 _minimize_transition(costs, origin, s, s | (1 << j), time_cost[members[j]])
     least = math.inf
     for s in range(costs.shape[0]):
-        costs[s] += _state_cost(s, pair_cost, link_cost, members, links, link_ends)
+        costs[s] += _state_cost(s, pair_cost, link_cost, block)
         least = min(least, costs[s])
     for s in range(costs.shape[0]):
         costs[s] -= least
 
 
 @kernel
-def find_orientations(time_cost, pair_cost, link_cost, members, links, link_ends, costs, origin, out):
+def find_orientations(costs, block, state_costs, origin, out):
     """Find the cheapest orientations of a block over time.
 
     Args:
-        time_cost: shape (frame, pair, 2, 2): orientation before, orientation now.
-        pair_cost: shape (frame, pair): cost of exchanging the points of the pair.
-        link_cost: shape (frame, link): cost of exchanging only one of two linked pairs.
-        members: shape (J,), int64: pairs of the block; the first is the lowest bit of a state.
-        links: shape (K,), int64: links within the block.
-        link_ends: shape (K, 2), int64: the bits they connect.
-        costs: shape (2^J,), cost of each state before the first frame; on output, after the last frame.
+        costs: OrientationCosts.
+        block: a PairBlock.
+        state_costs: shape (2^J,), cost of each state before the first frame; on output, after the last frame.
         origin: shape (frame, 2^J), int64, scratch.
         out: shape (frame, pair), bool: the columns of the members are written.
     """
-    n = time_cost.shape[0]
+    members = block.members
+    n = costs.time.shape[0]
     for t in range(n):
-        _viterbi_step(costs, origin[t], time_cost[t], pair_cost[t], link_cost[t], members, links, link_ends)
+        _viterbi_step(state_costs, origin[t], costs.time[t], costs.pair[t], costs.link[t], block)
     state = 0
-    for s in range(costs.shape[0]):
-        if costs[s] < costs[state]:
+    for s in range(state_costs.shape[0]):
+        if state_costs[s] < state_costs[state]:
             state = s
     for t in range(n - 1, -1, -1):
         for j in range(members.shape[0]):
@@ -341,22 +336,18 @@ def _cosine(a, b):
 
 
 @kernel
-def link_costs(
-    points, odds, links, length, length_sd, mean_cosine, mean_cosine_sd, joint_odds, max_cost, bone_weight, out
-):
+def link_costs(points, odds, model, max_cost, bone_weight, out):
     """Compute the cost of exchanging only one of two linked pairs.
 
     Args:
         points: shape (frame, pair, 2, 3).
         odds: shape (frame, pair, view).
-        links: shape (link, 2), int64: pairs.
-        length, length_sd: shape (link,): of the bone that connects them on each side, m.
-        mean_cosine, mean_cosine_sd: shape (link,): mean and standard deviation of the cosine between their vectors.
-        joint_odds: shape (link, view): log odds that the labels of both pairs swap together in a view.
+        model: a LinkModel.
         max_cost: upper bound of the bone cost of one frame.
         bone_weight: weight of the bone cost; errors of this model persist over many frames.
         out: shape (frame, link), written.
     """
+    links, length, length_sd, mean_cosine, mean_cosine_sd, joint_odds = model
     for t in range(points.shape[0]):
         for k in range(links.shape[0]):
             a, b = links[k, 0], links[k, 1]

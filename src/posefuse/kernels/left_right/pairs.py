@@ -41,20 +41,11 @@ _CONVERGED = 1e-2
 
 
 @inline
-def _load(
-    cameras,
-    distorted,
-    fisheye,
-    keypoints_px,
-    confidence,
-    detection_rows,
-    pairs,
-    scale_px,
-    exponent,
-    min_confidence,
-    workspace,
-):
+def _load(cameras, observations, noise, pairs, workspace):
     """Read both observations of every lane, and rank the views by the confidence of either."""
+    array, distorted, fisheye = cameras
+    keypoints_px, confidence, detection_rows = observations
+    scale_px, exponent, min_confidence = noise
     for label in range(2):
         for j in range(BLOCK):
             workspace.keypoints[0, j] = workspace.lane_indices[0, j]
@@ -74,14 +65,14 @@ def _load(
             block_confidence,
             view_codes,
         )
-        for v in range(cameras.shape[0]):
+        for v in range(array.shape[0]):
             rows_block(
-                cameras, distorted, fisheye, v, pixels, workspace.lens_codes, workspace.rows[label], workspace.scratch
+                array, distorted, fisheye, v, pixels, workspace.lens_codes, workspace.rows[label], workspace.scratch
             )
         compute_weights(
             scale_px, exponent, block_confidence, workspace.lens_codes, view_codes, workspace.weights[label]
         )
-    for v in range(cameras.shape[0]):
+    for v in range(array.shape[0]):
         for j in range(BLOCK):
             left = workspace.weights[0, v, j] > 0.0
             right = workspace.weights[1, v, j] > 0.0
@@ -97,18 +88,7 @@ def _propose(rank_pairs, full, none, workspace, search_workspace):
     """Search every lane for the cheapest candidates of two-ray points."""
     for j in range(BLOCK):
         if workspace.lane_indices[0, j] >= 0:
-            propose_lane(
-                workspace.rows,
-                workspace.weights,
-                workspace.ranks,
-                workspace.n_observed,
-                rank_pairs,
-                full,
-                none,
-                j,
-                search_workspace,
-                workspace.candidates,
-            )
+            propose_lane(workspace, rank_pairs, full, none, j, search_workspace)
         else:
             for i in range(N_CANDIDATES):
                 for axis in range(6):
@@ -125,8 +105,9 @@ def _empty(candidate):
 
 
 @subroutine
-def _search_exhaustively(rows, weights, n_observed, full, none, candidates, sums, workspace):
+def _search_exhaustively(workspace, full, none, branch_workspace):
     """Where views are few, add as last candidate one that is cheaper than all others, if there is any."""
+    weights, n_observed, candidates = workspace.weights, workspace.n_observed, workspace.candidates
     bound = full + (none - full) * (1.0 / 3.0)
     improved = candidates[N_CANDIDATES]
     for j in range(BLOCK):
@@ -147,7 +128,7 @@ def _search_exhaustively(rows, weights, n_observed, full, none, candidates, sums
         for v in range(weights.shape[1]):
             cost -= 0.0 if weights[0, v, j] > 0.0 else bound
             cost -= 0.0 if weights[1, v, j] > 0.0 else bound
-        improve_lane(rows, weights, full, none, improved, cost, j, sums, workspace)
+        improve_lane(workspace, full, none, improved, cost, j, branch_workspace)
 
 
 @inline
@@ -163,16 +144,7 @@ def _refine(full, none, prior_sigma, previous, workspace, branch_workspace):
                 1 if _empty(workspace.candidates[i]) else _WIDE_ITERATIONS + _ROUGH_ITERATIONS,
             )
         elif i == N_CANDIDATES:
-            _search_exhaustively(
-                workspace.rows,
-                workspace.weights,
-                workspace.n_observed,
-                full,
-                none,
-                workspace.candidates,
-                workspace.sums[0],
-                branch_workspace,
-            )
+            _search_exhaustively(workspace, full, none, branch_workspace)
             candidate, first_iteration = workspace.candidates[i], _WIDE_ITERATIONS
             last_iteration = _WIDE_ITERATIONS if _empty(candidate) else _WIDE_ITERATIONS + _ROUGH_ITERATIONS
         else:
@@ -187,18 +159,7 @@ def _refine(full, none, prior_sigma, previous, workspace, branch_workspace):
                 workspace.candidate,
             )
             candidate, first_iteration, last_iteration = workspace.candidate, _WIDE_ITERATIONS, _MAX_ITERATIONS
-        refine_candidate(
-            workspace.rows,
-            workspace.weights,
-            first_iteration,
-            last_iteration,
-            full,
-            none,
-            candidate,
-            workspace.trial,
-            workspace.point_weights,
-            workspace.sums,
-        )
+        refine_candidate(workspace, candidate, first_iteration, last_iteration, full, none)
 
 
 @inline
@@ -219,21 +180,10 @@ def _use_given_points(given_points, workspace):
 
 
 @inline
-def _finish_side(cameras, distorted, fisheye, workspace, side, bound, min_views):
+def _finish_side(cameras, workspace, side, bound, min_views):
     """Compute status, covariance and errors of one point of each lane."""
     gather_side(workspace, side)
-    last_step, n_agreeing, n_valid = workspace.candidate[LAST_STEP], workspace.n_agreeing, workspace.n_valid
-    assign_side_codes(
-        workspace.candidate,
-        side,
-        _CONVERGED,
-        min_views,
-        last_step,
-        n_agreeing,
-        n_valid,
-        workspace.n_rays,
-        workspace.status,
-    )
+    assign_side_codes(workspace, side, _CONVERGED, min_views)
     normal_equations(workspace.side_rows, workspace.side_weights, workspace.state, workspace.sums[0])
     keep_information(workspace.sums[0], workspace.state)
     flag_rivals(
@@ -247,74 +197,34 @@ def _finish_side(cameras, distorted, fisheye, workspace, side, bound, min_views)
         workspace.status,
     )
     judge_geometry(workspace.state, workspace.sums[0], workspace.status)
-    reproject_block(cameras, distorted, fisheye, workspace.side_pixels, workspace.state, workspace.side_errors)
+    array, distorted, fisheye = cameras
+    reproject_block(array, distorted, fisheye, workspace.side_pixels, workspace.state, workspace.side_errors)
     fill_linearized_errors(workspace.side_rows, workspace.side_weights, workspace.state, workspace.side_errors)
 
 
 @kernel
-def solve_pairs(
-    cameras,
-    distorted,
-    fisheye,
-    keypoints_px,
-    confidence,
-    detection_rows,
-    pairs,
-    scale_px,
-    exponent,
-    min_confidence,
-    min_views,
-    rank_pairs,
-    full_sigma,
-    none_sigma,
-    prior_sigma,
-    previous,
-    given_points,
-    points,
-    covariance,
-    status,
-    used,
-    view_errors_px,
-    view_codes,
-    evidence,
-    costs,
-):
+def solve_pairs(cameras, observations, noise, parameters, previous, given_points, out):
     """Solve for two points of every pair of keypoints; the labels of observations only determine their order.
 
     Args:
-        cameras: the camera array, shape (view, COLUMNS).
-        distorted: None if the rig has no lens with distortion polynomials.
-        fisheye: None if the rig has no fisheye lens.
-        keypoints_px: shape (detection, keypoint, 2), NaN where missing.
-        confidence: shape (detection, keypoint), NaN where the detector gives none.
-        detection_rows: shape (person_frame, view), int64: rows of the two arrays above, NO_DETECTION or NOT_RECORDED.
-        pairs: shape (pair, 2), int64: keypoints, left and right.
-        scale_px: shape (view,): noise of a detection of confidence 1, in px per axis.
-        exponent: the noise is ``scale_px / confidence^exponent``.
-        min_confidence: detections below this confidence are not used.
-        min_views: points with fewer agreeing views are missing (at least 2).
-        rank_pairs: shape (try, 2), int64: ranks of views to combine, the most promising first.
-        full_sigma: a residual of fewer sigmas has full weight.
-        none_sigma: a residual of more sigmas has weight 0; the observation does not belong to this point.
-        prior_sigma: standard deviation of the motion between frames, in the unit of the world; inf treats every frame
-            separately.
+        cameras: CameraArrays.
+        observations: Observations.
+        noise: NoiseParameters.
+        parameters: PairParameters.
         previous: shape (person, pair, 6), in and out: the points of the previous frame; NaN where missing.
         given_points: shape (person_frame, pair, 6): points to use as they are; with no person_frame, they are
             estimated.
-        points: shape (person_frame, pair, 2, 3), written: left and right.
-        covariance: shape (person_frame, pair, 2, 6), written: xx xy xz yy yz zz.
-        status: shape (person_frame, pair, 2), int8, written: point codes.
-        used: shape (person_frame, pair, view, 2), int8, written: the label of the observation that supports each point,
-            0 left, 1 right, -1 none.
-        view_errors_px: shape (person_frame, pair, view, 2), float32, written: reprojection error of that observation.
-        view_codes: shape (person_frame, pair, view, 2), int8, written: outcome for the observation of each label.
-        evidence: shape (person_frame, pair, view), float32, written: cost of the view as labeled minus its cost
-            swapped, in squared sigmas.
-        costs: shape (person_frame, pair), written: the bounded cost of the candidate, squared sigmas.
+        out: PairPoints, written.
     """
+    pairs, rank_pairs, min_views, prior_sigma = (
+        parameters.pairs,
+        parameters.rank_pairs,
+        parameters.min_views,
+        parameters.prior_sigma,
+    )
     n_pairs = pairs.shape[0]
-    total = detection_rows.shape[0] * n_pairs
-    n_views = cameras.shape[0]
+    total = observations.detection_rows.shape[0] * n_pairs
+    n_views = cameras.array.shape[0]
     # Allocate here: the compiler must know the length of the last axis to use vector instructions.
     workspace = Workspace(
         lane_indices=np.empty((2, BLOCK), np.int64),
@@ -351,23 +261,12 @@ def solve_pairs(
     )
     search_workspace = make_search_workspace(n_views, rank_pairs.shape[0])
     branch_workspace = make_branch_workspace()
-    full, none = full_sigma * full_sigma, none_sigma * none_sigma
+    full = parameters.full_sigma * parameters.full_sigma
+    none = parameters.none_sigma * parameters.none_sigma
     bound = full + (none - full) / 3.0
     for first in range(0, total, BLOCK):
         index_lanes(first, total, n_pairs, workspace.lane_indices)
-        _load(
-            cameras,
-            distorted,
-            fisheye,
-            keypoints_px,
-            confidence,
-            detection_rows,
-            pairs,
-            scale_px,
-            exponent,
-            min_confidence,
-            workspace,
-        )
+        _load(cameras, observations, noise, pairs, workspace)
         if given_points.shape[0] > 0:
             _use_given_points(given_points, workspace)
         else:
@@ -378,16 +277,16 @@ def solve_pairs(
         )
         order_points(workspace.block_confidence, workspace.candidate, workspace.labels, workspace.evidence)
         for side in range(2):
-            _finish_side(cameras, distorted, fisheye, workspace, side, bound, min_views)
-            side_points, side_covariance, side_status = points[:, :, side], covariance[:, :, side], status[:, :, side]
+            _finish_side(cameras, workspace, side, bound, min_views)
+            side_points, side_status = out.points[:, :, side], out.status[:, :, side]
             store_points(
                 workspace.state,
                 workspace.sums[0],
                 workspace.status,
                 workspace.lane_indices,
                 side_points,
-                side_covariance,
+                out.covariance[:, :, side],
                 side_status,
             )
-            store_side_results(workspace, side, used, view_errors_px)
-        store_view_outcomes(workspace, bound, view_codes, evidence, costs)
+            store_side_results(workspace, side, out)
+        store_view_outcomes(workspace, bound, out)

@@ -7,6 +7,7 @@ view support different points in the better way, and undefined numbers remove no
 """
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,15 @@ _CENTER_ITERATIONS = 15
 _CENTER_SCALE = 2.0
 # The state: x, y, z of both points.
 _SIZE = 6
+
+
+class _Population(NamedTuple):
+    """Agents, shape (agent, 6), their errors, whether each has moved, and the state of the generator, shape (1,)."""
+
+    agents: Any
+    errors: Any
+    moved: Any
+    generator: Any
 
 
 @inline
@@ -168,18 +178,18 @@ def _hop_agents(agents, errors, moved, best, generator):
 
 
 @subroutine
-def _search(
-    rays, valid, center, terms, separation, initial_sd, tolerance, max_iterations, agents, errors, moved, generator
-):
-    """Contract the population to a minimum; return the best agent, with its error left in ``errors``."""
+def _search(rays, valid, center, parameters, population):
+    """Contract the population to a minimum; return the best agent, with its error left in the population."""
+    agents, errors, moved, generator = population
+    terms, separation = parameters.terms, parameters.separation
     n = agents.shape[0]
     for i in range(n):
         for k in range(_SIZE):
-            agents[i, k] = center[k % 3] + (initial_sd * _next_normal(generator) if i > 0 else 0.0)
+            agents[i, k] = center[k % 3] + (parameters.initial_sd * _next_normal(generator) if i > 0 else 0.0)
         moved[i] = True
     best = 0
     n_idle = 0
-    for _ in range(max_iterations):
+    for _ in range(parameters.max_iterations):
         for i in range(n):
             if moved[i]:
                 errors[i] = pair_error(rays, valid, center, agents[i], terms, separation)
@@ -192,38 +202,19 @@ def _search(
             any_hop = any_hop or moved[i]
         # A round without any hop carries no information about the size of the population.
         n_idle = 0 if any_hop else n_idle + 1
-        if (any_hop and largest_hop < tolerance) or n_idle > n:
+        if (any_hop and largest_hop < parameters.tolerance) or n_idle > n:
             break
     return best
 
 
 @kernel
-def search_pairs(
-    origins,
-    directions,
-    terms,
-    separation,
-    initial_sd,
-    tolerance,
-    max_iterations,
-    n_agents,
-    seed,
-    first_number,
-    points,
-    costs,
-):
+def search_pairs(origins, directions, parameters, first_number, points, costs):
     """Solve for two points of every keypoint pair, by the objective and the search of the specification.
 
     Args:
         origins: shape (view, 3): ray origins, mm.
         directions: shape (candidate, view, 2, 3), unit vectors of the rays of both labels, NaN where missing.
-        terms: shape (4,): weights of the terms e0 to e3 of the objective.
-        separation: distance (mm) from which on the points need not be farther apart.
-        initial_sd: standard deviation of the initial population, mm.
-        tolerance: the search ends when the last hops of the population were within this, mm.
-        max_iterations: or after this many rounds.
-        n_agents: size of the population.
-        seed: random seed.
+        parameters: a PopulationSearch.
         first_number: number of the first pair; each pair has its own random numbers.
         points: shape (candidate, 6), written, mm; NaN with fewer than four rays.
         costs: shape (candidate,), written: the objective at the points.
@@ -234,10 +225,13 @@ def search_pairs(
     weights = np.empty(n_rays)
     distances = np.empty(n_rays)
     center = np.empty(3)
-    agents = np.empty((n_agents, _SIZE))
-    errors = np.empty(n_agents)
-    moved = np.empty(n_agents, np.bool_)
-    generator = np.empty(1, np.int64)
+    n_agents = parameters.n_agents
+    population = _Population(
+        agents=np.empty((n_agents, _SIZE)),
+        errors=np.empty(n_agents),
+        moved=np.empty(n_agents, np.bool_),
+        generator=np.empty(1, np.int64),
+    )
     for n in range(directions.shape[0]):
         count = 0
         for r in range(n_rays):
@@ -251,22 +245,9 @@ def search_pairs(
             points[n, k] = math.nan
         if count < 4:
             continue
-        _seed_generator(generator, seed, first_number + n)
+        _seed_generator(population.generator, parameters.seed, first_number + n)
         _robust_center(rays, valid, weights, distances, center)
-        best = _search(
-            rays,
-            valid,
-            center,
-            terms,
-            separation,
-            initial_sd,
-            tolerance,
-            max_iterations,
-            agents,
-            errors,
-            moved,
-            generator,
-        )
-        costs[n] = errors[best]
+        best = _search(rays, valid, center, parameters, population)
+        costs[n] = population.errors[best]
         for k in range(_SIZE):
-            points[n, k] = agents[best, k]
+            points[n, k] = population.agents[best, k]

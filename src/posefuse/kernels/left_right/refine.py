@@ -74,8 +74,10 @@ def _weigh_view(rows, weights, v, candidate, full, none, point_weights):
 
 
 @inline
-def _add_views(rows, weights, candidate, full, none, point_weights, sums):
+def _add_views(workspace, candidate, full, none):
     """Compute the normal equations of both points and the cost of the candidate, every view in its best state."""
+    rows, weights = workspace.rows, workspace.weights
+    point_weights, sums = workspace.point_weights, workspace.sums
     clear_sums(sums[0])
     clear_sums(sums[1])
     for v in range(weights.shape[1]):
@@ -121,24 +123,21 @@ def _drop_unsupported(candidate, side):
 
 
 @inline
-def refine_candidate(rows, weights, first_iteration, last_iteration, full, none, candidate, trial, point_weights, sums):
+def refine_candidate(workspace, candidate, first_iteration, last_iteration, full, none):
     """Refine candidates over all views, starting at their current points.
 
     A converged lane stays fixed while others continue, so the result of a lane does not depend on its neighbors.
 
     Args:
-        rows: shape (label, view, 12, BLOCK).
-        weights: shape (label, view, BLOCK).
+        workspace: a Workspace.
+        candidate: shape (CANDIDATE_ROWS, BLOCK): two points, their cost, the size of the last step (squared standard
+            errors), the number of rays that support each, and the saving of a spare ray; NaN for a missing point.
         first_iteration: 0 to start with two iterations with wider limits, 2 to skip them.
         last_iteration: number of the iteration to stop at.
         full: an observation within this many squared sigmas of its point has full weight.
         none: an observation beyond this many squared sigmas has weight 0.
-        candidate: shape (CANDIDATE_ROWS, BLOCK): two points, their cost, the size of the last step (squared standard
-            errors), the number of rays that support each, and the saving of a spare ray; NaN for a missing point.
-        trial: shape (CANDIDATE_ROWS, BLOCK), scratch.
-        point_weights: shape (4, BLOCK), scratch.
-        sums: shape (side, SUM_ROWS, BLOCK), scratch.
     """
+    trial, sums = workspace.trial, workspace.sums
     for j in range(BLOCK):
         candidate[CANDIDATE_COST, j] = math.inf
         candidate[LAST_STEP, j] = math.inf
@@ -150,7 +149,7 @@ def refine_candidate(rows, weights, first_iteration, last_iteration, full, none,
         for i in range(CANDIDATE_COST, CANDIDATE_ROWS):
             for j in range(BLOCK):
                 trial[i, j] = 0.0
-        _add_views(rows, weights, trial, widening * full, widening * none, point_weights, sums)
+        _add_views(workspace, trial, widening * full, widening * none)
         for side in range(2):
             _step_point(sums[side], trial, 3 * side)
             if iteration >= _WIDE_ITERATIONS:

@@ -6,7 +6,7 @@ from posefuse.kernels import status_codes
 from posefuse.kernels.cameras.observation_rows import BLOCK
 from posefuse.kernels.cameras.points import COST, INFORMATION, SCALE, X
 from posefuse.kernels.jit import inline, subroutine
-from posefuse.kernels.left_right.refine import CANDIDATE_COST, squared_residual
+from posefuse.kernels.left_right.refine import CANDIDATE_COST, LAST_STEP, squared_residual
 from posefuse.kernels.left_right.search import bounded
 
 NONE = -1
@@ -110,20 +110,17 @@ def keep_information(sums, state):
 
 
 @subroutine
-def assign_side_codes(candidate, side, max_last_step, min_views, last_step, n_agreeing, n_valid, n_rays, status):
+def assign_side_codes(workspace, side, max_last_step, min_views):
     """Assign point codes from the number of supporting views.
 
     Args:
-        candidate: shape (CANDIDATE_ROWS, BLOCK).
+        workspace: a Workspace; its status is written.
         side: which point.
         max_last_step: a larger last step (squared standard errors) means no convergence.
         min_views: minimum number of views.
-        last_step: shape (BLOCK,), the last step.
-        n_agreeing: shape (BLOCK,), views that support it.
-        n_valid: shape (BLOCK,), observations that could belong to it.
-        n_rays: shape (BLOCK,), all observations of the pair.
-        status: shape (BLOCK,), int64, written.
     """
+    candidate, status = workspace.candidate, workspace.status
+    n_agreeing, n_valid, n_rays = workspace.n_agreeing, workspace.n_valid, workspace.n_rays
     for j in range(BLOCK):
         # With two views, the assignment of rays to points is hardly determined.
         code = status_codes.POINT_OK
@@ -133,14 +130,14 @@ def assign_side_codes(candidate, side, max_last_step, min_views, last_step, n_ag
             code = status_codes.POINT_NOT_SEEN if n_valid[j] == 0 else status_codes.POINT_TOO_FEW_VIEWS
         elif n_agreeing[j] < min_views or candidate[3 * side, j] != candidate[3 * side, j]:
             code = status_codes.POINT_OUTLIER
-        elif not last_step[j] < max_last_step:
+        elif not candidate[LAST_STEP, j] < max_last_step:
             code = status_codes.POINT_NO_CONVERGENCE
         status[j] = code
 
 
 @subroutine
-def store_side_results(workspace, side, used, view_errors_px):
-    """Write the label and the error of the observations that support the points of one side."""
+def store_side_results(workspace, side, out):
+    """Write to ``out`` the label and the error of the observations that support the points of one side."""
     for j in range(BLOCK):
         n = workspace.lane_indices[0, j]
         k = workspace.lane_indices[1, j]
@@ -150,13 +147,13 @@ def store_side_results(workspace, side, used, view_errors_px):
         for v in range(workspace.side_weights.shape[0]):
             label = workspace.labels[side, v, j] if solved else NONE
             workspace.labels[side, v, j] = label
-            used[n, k, v, side] = label
-            view_errors_px[n, k, v, side] = workspace.side_errors[v, j] if label != NONE else math.nan
+            out.used[n, k, v, side] = label
+            out.view_errors_px[n, k, v, side] = workspace.side_errors[v, j] if label != NONE else math.nan
 
 
 @subroutine
-def store_view_outcomes(workspace, bound, view_codes, evidence, costs):
-    """Write the outcome of every observation, the costs, and the evidence of the views for their labels."""
+def store_view_outcomes(workspace, bound, out):
+    """Write to ``out`` the outcome of every observation, the costs, and the evidence of the views for their labels."""
     n_views = workspace.side_weights.shape[0]
     for j in range(BLOCK):
         n = workspace.lane_indices[0, j]
@@ -167,14 +164,14 @@ def store_view_outcomes(workspace, bound, view_codes, evidence, costs):
             workspace.candidate[X, j] == workspace.candidate[X, j]
             or workspace.candidate[X + 3, j] == workspace.candidate[X + 3, j]
         )
-        costs[n, k] = workspace.candidate[CANDIDATE_COST, j] if solved else math.nan
+        out.costs[n, k] = workspace.candidate[CANDIDATE_COST, j] if solved else math.nan
         for v in range(n_views):
-            evidence[n, k, v] = workspace.evidence[v, j]
+            out.evidence[n, k, v] = workspace.evidence[v, j]
             for label in range(2):
                 # A missing observation has the cost of an unexplained one.
-                costs[n, k] -= 0.0 if workspace.weights[label, v, j] > 0.0 else bound
+                out.costs[n, k] -= 0.0 if workspace.weights[label, v, j] > 0.0 else bound
                 code = workspace.codes[label, v, j]
                 assigned = workspace.labels[0, v, j] == label or workspace.labels[1, v, j] == label
                 if code == status_codes.VIEW_USED and not assigned:
                     code = status_codes.VIEW_OUTLIER
-                view_codes[n, k, v, label] = code
+                out.view_codes[n, k, v, label] = code

@@ -68,8 +68,9 @@ def _gather_lane(rows, weights, label, j, lane_rows, lane_weights, normal):
 
 
 @inline
-def _two_ray_points(normal, lane_weights, ranks, n_observed, rank_pairs, j, observations, points):
+def _two_ray_points(ranks, n_observed, rank_pairs, j, lane):
     """Triangulate every two observations of two views; return the number of points."""
+    normal, lane_weights, observations, points = lane.normal, lane.weights, lane.observations, lane.points
     count = 0
     for t in range(rank_pairs.shape[0]):
         if rank_pairs[t, 1] >= n_observed[j]:
@@ -214,8 +215,10 @@ def _candidate_cost(costs, n_views, first, second, bound):
 
 
 @inline
-def _combine_points(costs, count, bound, single_cost, support_bits, groups, best_costs, best_points):
+def _combine_points(lane, count, bound):
     """Find the cheapest candidates of two points with different rays; one point represents each similar group."""
+    costs, single_cost, support_bits = lane.costs, lane.single_cost, lane.support_bits
+    groups, best_costs, best_points = lane.groups, lane.best_costs, lane.best_points
     n_views = costs.shape[0] // 2
     n_groups = 0
     lowest_cost = math.inf
@@ -244,42 +247,27 @@ def _combine_points(costs, count, bound, single_cost, support_bits, groups, best
 
 
 @subroutine
-def propose_lane(rows, weights, ranks, n_observed, rank_pairs, full, none, j, workspace, starts):
-    """Find the cheapest candidates of two-ray points in lane ``j``.
+def propose_lane(workspace, rank_pairs, full, none, j, lane):
+    """Find the cheapest candidates of two-ray points in lane ``j``, NaN where missing, the cheapest first.
 
     Args:
-        rows: shape (label, view, 12, BLOCK).
-        weights: shape (label, view, BLOCK); 0 means missing.
-        ranks: shape (view, BLOCK), views by confidence.
-        n_observed: shape (BLOCK,), number of views with an observation of either label.
-        rank_pairs: shape (try, 2), int64: ranks to combine.
+        workspace: a Workspace; the points of its first N_CANDIDATES candidates are written.
+        rank_pairs: shape (try, 2), int64: ranks of views to combine.
         full, none: see :func:`bounded`, in squared sigmas.
         j: the lane.
-        workspace: a SearchWorkspace, scratch.
-        starts: shape (N_CANDIDATES, 6 or more, BLOCK), written: two points, the cheapest candidate first; NaN where
-            missing.
+        lane: a SearchWorkspace.
     """
+    starts = workspace.candidates
     for label in range(2):
-        _gather_lane(rows[label], weights[label], label, j, workspace.rows, workspace.weights, workspace.normal)
+        _gather_lane(workspace.rows[label], workspace.weights[label], label, j, lane.rows, lane.weights, lane.normal)
     bound = full + (none - full) * (1.0 / 3.0)
-    count = _two_ray_points(
-        workspace.normal, workspace.weights, ranks, n_observed, rank_pairs, j, workspace.observations, workspace.points
-    )
-    _compute_costs(workspace.rows, workspace.weights, workspace.points, count, full, none, workspace.costs)
-    _summarize_points(workspace.costs, count, bound, workspace.single_cost, workspace.support_bits)
-    _combine_points(
-        workspace.costs,
-        count,
-        bound,
-        workspace.single_cost,
-        workspace.support_bits,
-        workspace.groups,
-        workspace.best_costs,
-        workspace.best_points,
-    )
+    count = _two_ray_points(workspace.ranks, workspace.n_observed, rank_pairs, j, lane)
+    _compute_costs(lane.rows, lane.weights, lane.points, count, full, none, lane.costs)
+    _summarize_points(lane.costs, count, bound, lane.single_cost, lane.support_bits)
+    _combine_points(lane, count, bound)
     for i in range(N_CANDIDATES):
-        competitive = workspace.best_costs[i] < workspace.best_costs[0] + _SLACK * bound
+        competitive = lane.best_costs[i] < lane.best_costs[0] + _SLACK * bound
         for side in range(2):
-            p = workspace.best_points[side, i] if competitive or i == 0 else NO_POINT
+            p = lane.best_points[side, i] if competitive or i == 0 else NO_POINT
             for axis in range(3):
-                starts[i, 3 * side + axis, j] = workspace.points[axis, p] if p != NO_POINT else math.nan
+                starts[i, 3 * side + axis, j] = lane.points[axis, p] if p != NO_POINT else math.nan

@@ -16,23 +16,23 @@ _MIN_DISTANCE_SQUARED = 36.0
 
 
 @inline
-def _motion_cost(candidate, side, j, previous, person, k, other, sigma, bound):
+def _motion_cost(candidate, side, j, last, other, sigma, bound):
     """Return the bounded cost of the motion of one point since the previous frame; 0 if it was missing there."""
     squared = 0.0
     for axis in range(3):
-        offset = (candidate[3 * side + axis, j] - previous[person, k, 3 * other + axis]) / sigma
+        offset = (candidate[3 * side + axis, j] - last[3 * other + axis]) / sigma
         squared += offset * offset
-    absent = previous[person, k, 3 * other] != previous[person, k, 3 * other]
+    absent = last[3 * other] != last[3 * other]
     return 0.0 if absent else (squared if squared < bound else bound)
 
 
 @inline
-def _continuity_cost(candidate, j, previous, person, k, sigma, bound):
+def _continuity_cost(candidate, j, last, sigma, bound):
     """Return the cost of the motion of a candidate since the previous frame, in the cheaper of both orders."""
-    kept_order = _motion_cost(candidate, 0, j, previous, person, k, 0, sigma, bound)
-    kept_order += _motion_cost(candidate, 1, j, previous, person, k, 1, sigma, bound)
-    swapped_order = _motion_cost(candidate, 0, j, previous, person, k, 1, sigma, bound)
-    swapped_order += _motion_cost(candidate, 1, j, previous, person, k, 0, sigma, bound)
+    kept_order = _motion_cost(candidate, 0, j, last, 0, sigma, bound)
+    kept_order += _motion_cost(candidate, 1, j, last, 1, sigma, bound)
+    swapped_order = _motion_cost(candidate, 0, j, last, 1, sigma, bound)
+    swapped_order += _motion_cost(candidate, 1, j, last, 0, sigma, bound)
     return min(kept_order, swapped_order)
 
 
@@ -58,7 +58,7 @@ def choose_candidate(candidates, lane_indices, sigma, bound, previous, totals, b
         for i in range(candidates.shape[0]):
             totals[i, j] = candidates[i, CANDIDATE_COST, j]
             if n >= 0 and sigma < math.inf:
-                totals[i, j] += _continuity_cost(candidates[i], j, previous, person, k, sigma, bound)
+                totals[i, j] += _continuity_cost(candidates[i], j, previous[person, k], sigma, bound)
             cheapest = i if totals[i, j] < totals[cheapest, j] else cheapest
         best[j] = cheapest
         for i in range(CANDIDATE_ROWS):

@@ -19,17 +19,17 @@ def _offset_of(offsets, shape_of, signs, shape, n, i):
 
 
 @subroutine
-def locate_nodes(parents, carriers, is_bone, offsets, shape_of, signs, root, turns, bones, shape, points):
+def locate_nodes(body, pose, points):
     """Compute the positions of the nodes of a body.
 
     Args:
-        parents, carriers, is_bone, offsets, shape_of, signs: arrays of the tree, see ``Tree.packed``.
-        root: shape (3,), m.
-        turns: segment rotations, shape (segment, 3, 3).
-        bones: bone frames, shape (bone, 3, 3).
-        shape: shape (shape,), m.
+        body: a Body.
+        pose: a Pose.
         points: shape (node, 3), written.
     """
+    parents, carriers, is_bone = body.parents, body.carriers, body.is_bone
+    offsets, shape_of, signs = body.offsets, body.shape_of, body.signs
+    root, turns, bones, shape = pose
     for n in range(parents.shape[0]):
         p = parents[n]
         x = _offset_of(offsets, shape_of, signs, shape, n, 0)
@@ -46,17 +46,18 @@ def locate_nodes(parents, carriers, is_bone, offsets, shape_of, signs, root, tur
 
 
 @subroutine
-def node_jacobian(parents, carriers, is_bone, offsets, shape_of, signs, n_pose, turns, bones, shape, jacobian):
+def node_jacobian(body, pose, n_pose, jacobian):
     """Compute the derivatives of the node positions by pose and shape.
 
     Args:
-        parents, carriers, is_bone, offsets, shape_of, signs: arrays of the tree, see ``Tree.packed``.
+        body: a Body.
+        pose: a Pose.
         n_pose: number of pose numbers.
-        turns: segment rotations, shape (segment, 3, 3).
-        bones: bone frames, shape (bone, 3, 3).
-        shape: shape (shape,), m.
         jacobian: shape (node, 3, pose + shape), written.
     """
+    parents, carriers, is_bone = body.parents, body.carriers, body.is_bone
+    offsets, shape_of, signs = body.offsets, body.shape_of, body.signs
+    turns, bones, shape = pose.turns, pose.bones, pose.shape
     first_bone = 3 + 3 * turns.shape[0]
     for n in range(parents.shape[0]):
         p = parents[n]

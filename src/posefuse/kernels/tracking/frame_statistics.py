@@ -68,7 +68,7 @@ def _center(points, p, core, centers):
 
 
 @kernel
-def accumulate_view_support(supported, expected, unassigned, decay, dt_s, expected_s, matched_s, unassigned_s, due):
+def accumulate_view_support(supported, expected, unassigned, decay, dt_s, support):
     """Accumulate for how long each view should have shown people that two other views support, and for how long it did.
 
     Args:
@@ -77,10 +77,9 @@ def accumulate_view_support(supported, expected, unassigned, decay, dt_s, expect
         unassigned: shape (view,), int64: number of unassigned detections.
         decay: factor by which former times are multiplied.
         dt_s: time since the last frame.
-        expected_s, matched_s: shape (view,), in and out: time that people were due, and time that they were detected.
-        unassigned_s: shape (view,), in and out: time that unassigned detections were present while people were missing.
-        due: shape (view,), int64, written: number of people that should have been detected in this frame.
+        support: ViewSupport, in and out.
     """
+    expected_s, matched_s, unassigned_s, due = support
     for v in range(supported.shape[1]):
         n_due = 0
         matched = 0
@@ -98,9 +97,7 @@ def accumulate_view_support(supported, expected, unassigned, decay, dt_s, expect
 
 
 @kernel
-def update_silence(
-    recorded, n_detections, due, dt_s, silence_after_s, active_after_s, absent_s, undetected_s, active_s, silent, change
-):
+def update_silence(recorded, n_detections, due, dt_s, silence_after_s, active_after_s, silence, change):
     """Update for how long each view has had no data, and detect views that become silent or active again.
 
     Args:
@@ -110,15 +107,13 @@ def update_silence(
         dt_s: time since the last frame.
         silence_after_s: a view without data for this long becomes silent.
         active_after_s: a silent view with data for this long becomes active.
-        absent_s: shape (view,), in and out: time since its last frame.
-        undetected_s: shape (view,), in and out: time without a detection although people were due.
-        active_s: shape (view,), in and out: time with data while it is silent.
-        silent: shape (view,), bool, in and out.
+        silence: ViewSilence, in and out.
         change: shape (view,), int64, written: 1 where a view becomes silent, -1 where it becomes active again, else 0.
 
     Returns:
         Number of changes.
     """
+    absent_s, undetected_s, active_s, silent = silence
     changes = 0
     for v in range(silent.shape[0]):
         absent_s[v] = 0.0 if recorded[v] else absent_s[v] + dt_s

@@ -7,6 +7,7 @@ keypoints of a wrong person are wrong together.
 """
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,42 +36,53 @@ def keypoint_log_odds(du, dv, uu, uv, vv, nu, area, min_log_odds, min_odds):
     return ratio if ratio > min_log_odds else min_log_odds
 
 
+class _Scoring(NamedTuple):
+    """What scores a keypoint: noise variances, shape (row, keypoint), px^2, and numbers.
+
+    The numbers are those of the error model and of MatchParameters, and ``min_odds = exp(-min_log_odds)``.
+    """
+
+    noise_px2: Any
+    floor_m: float
+    nu: float
+    clutter_m: float
+    min_log_odds: float
+    min_odds: float
+
+
+class _AssignmentWorkspace(NamedTuple):
+    """Scratch arrays of an assignment of n rows to m columns, each of shape (m + n + 1,); ``potential_row`` (n,)."""
+
+    row_of_column: Any
+    potential_row: Any
+    potential_column: Any
+    slack: Any
+    previous: Any
+    visited: Any
+
+
 @subroutine
-def _score_keypoint(
-    p,
-    row,
-    v,
-    k,
-    label,
-    pixels,
-    pixel_covariance,
-    scale_px_per_m,
-    keypoints_px,
-    noise_px2,
-    error_model,
-    clutter_m,
-    min_log_odds,
-    min_odds,
-):
+def _score_keypoint(projected, keypoints_px, scoring, p, row, v, k, label):
     """Return the log odds of one keypoint under one label, NaN where it is missing."""
-    du = keypoints_px[row, label, 0] - pixels[p, v, k, 0]
-    dv = keypoints_px[row, label, 1] - pixels[p, v, k, 1]
+    noise_px2 = scoring.noise_px2
+    du = keypoints_px[row, label, 0] - projected.pixels[p, v, k, 0]
+    dv = keypoints_px[row, label, 1] - projected.pixels[p, v, k, 1]
     if not math.isfinite(du + dv + noise_px2[row, label]):
         return math.nan
-    px_per_m = scale_px_per_m[p, v, k]
-    noise = noise_px2[row, label] + (error_model.floor_m * px_per_m) ** 2
-    uu = pixel_covariance[p, v, k, 0] + noise
-    vv = pixel_covariance[p, v, k, 2] + noise
+    px_per_m = projected.scale_px_per_m[p, v, k]
+    noise = noise_px2[row, label] + (scoring.floor_m * px_per_m) ** 2
+    uu = projected.pixel_covariance[p, v, k, 0] + noise
+    vv = projected.pixel_covariance[p, v, k, 2] + noise
     return keypoint_log_odds(
         du,
         dv,
         uu,
-        pixel_covariance[p, v, k, 1],
+        projected.pixel_covariance[p, v, k, 1],
         vv,
-        error_model.nu,
-        (clutter_m * px_per_m) ** 2,
-        min_log_odds,
-        min_odds,
+        scoring.nu,
+        (scoring.clutter_m * px_per_m) ** 2,
+        scoring.min_log_odds,
+        scoring.min_odds,
     )
 
 
@@ -86,47 +98,26 @@ def _compute_noise(confidence, view_of_row, error_model, noise_px2):
 
 
 @kernel
-def score_detections(
-    pixels,
-    pixel_covariance,
-    scale_px_per_m,
-    keypoints_px,
-    confidence,
-    view_of_row,
-    mirror,
-    group_of,
-    n_groups,
-    error_model,
-    swap_probability,
-    clutter_m,
-    min_log_odds,
-    max_keypoints,
-    scores,
-    swapped,
-    swap_odds,
-):
+def score_detections(projected, detections, sides, error_model, swap_probability, parameters, out):
     """Score every detection against every person.
 
     Args:
-        pixels, pixel_covariance, scale_px_per_m: from ``project_people``.
-        keypoints_px: shape (row, keypoint, 2).
-        confidence: shape (row, keypoint).
-        view_of_row: shape (row,), int64.
-        mirror: shape (keypoint,), int64: the partner of each keypoint on the other side.
-        group_of: shape (keypoint,), int64: limb whose sides swap together, -1 for none.
-        n_groups: number of limbs.
+        projected: ProjectedKeypoints.
+        detections: Detections.
+        sides: SideGroups.
         error_model: an ErrorModel.
         swap_probability: shape (person, view, group): prior probability that the limb is swapped.
-        clutter_m: size of the area in which an unrelated keypoint may lie.
-        min_log_odds: lower bound of the log odds of one keypoint.
-        max_keypoints: the score counts as at most this many keypoints.
-        scores: shape (person, row), written: -inf without a common keypoint.
-        swapped: shape (person, row, group), int8, written.
-        swap_odds: shape (person, row, group), written: log odds of the swap.
+        parameters: MatchParameters.
+        out: DetectionScores, written.
     """
+    keypoints_px, confidence, view_of_row = detections
+    mirror, group_of, n_groups = sides
+    clutter_m, min_log_odds, max_keypoints = parameters
+    scores, swapped, swap_odds = out
+    pixels = projected.pixels
     noise_px2 = np.empty(confidence.shape)
     _compute_noise(confidence, view_of_row, error_model, noise_px2)
-    min_odds = math.exp(-min_log_odds)
+    scoring = _Scoring(noise_px2, error_model.floor_m, error_model.nu, clutter_m, min_log_odds, math.exp(-min_log_odds))
     unswapped_score = np.empty(n_groups)
     swapped_score = np.empty(n_groups)
     prior = np.empty((pixels.shape[1], n_groups))
@@ -142,31 +133,13 @@ def score_detections(
                 unswapped_score[g] = 0.0
                 swapped_score[g] = 0.0
             for k in range(mirror.shape[0]):
-                unswapped = _score_keypoint(
-                    p,
-                    row,
-                    v,
-                    k,
-                    k,
-                    pixels,
-                    pixel_covariance,
-                    scale_px_per_m,
-                    keypoints_px,
-                    noise_px2,
-                    error_model,
-                    clutter_m,
-                    min_log_odds,
-                    min_odds,
-                )
+                unswapped = _score_keypoint(projected, keypoints_px, scoring, p, row, v, k, k)
                 count += 1 if unswapped == unswapped else 0
                 g = group_of[k]
                 if g < 0:
                     total += unswapped if unswapped == unswapped else 0.0
                     continue
-                mirrored = _score_keypoint(
-                    p, row, v, k, mirror[k], pixels, pixel_covariance, scale_px_per_m, keypoints_px, noise_px2,
-                    error_model, clutter_m, min_log_odds, min_odds,
-                )  # fmt: skip
+                mirrored = _score_keypoint(projected, keypoints_px, scoring, p, row, v, k, mirror[k])
                 unswapped_score[g] += unswapped if unswapped == unswapped else 0.0
                 swapped_score[g] += mirrored if mirrored == mirrored else 0.0
             for g in range(n_groups):
@@ -186,10 +159,9 @@ def _assignment_cost(gain, row, j, m, min_log_odds):
 
 
 @inline
-def _next_column(
-    gain, n, m, min_log_odds, column, row_of_column, potential_row, potential_column, slack, previous, visited
-):
+def _next_column(gain, n, m, min_log_odds, column, workspace):
     """Return the next column on the shortest path; potentials change so that the step to it is free."""
+    row_of_column, potential_row, potential_column, slack, previous, visited = workspace
     width = m + n
     row = row_of_column[column]
     delta = math.inf
@@ -214,9 +186,7 @@ def _next_column(
 
 
 @subroutine
-def assign(
-    gain, n, m, min_log_odds, column_of_row, row_of_column, potential_row, potential_column, slack, previous, visited
-):
+def assign(gain, n, m, min_log_odds, column_of_row, workspace):
     """Assign ``n`` rows to ``m`` columns with the highest total gain; only gains above ``min_log_odds`` count.
 
     Shortest augmenting paths (Jonker & Volgenant 1987). Every row has an additional column of its own that leaves it
@@ -228,8 +198,9 @@ def assign(
         m: number of columns.
         min_log_odds: threshold of the gain.
         column_of_row: shape (n,), written: the column of each row, -1 for none.
-        row_of_column, potential_row, potential_column, slack, previous, visited: scratch, shape (m + n + 1,).
+        workspace: an _AssignmentWorkspace.
     """
+    row_of_column, potential_row, potential_column, slack, previous, visited = workspace
     width = m + n
     for j in range(width + 1):
         row_of_column[j] = -1
@@ -245,19 +216,7 @@ def assign(
             previous[j] = width
         while row_of_column[column] >= 0:
             visited[column] = True
-            column = _next_column(
-                gain,
-                n,
-                m,
-                min_log_odds,
-                column,
-                row_of_column,
-                potential_row,
-                potential_column,
-                slack,
-                previous,
-                visited,
-            )
+            column = _next_column(gain, n, m, min_log_odds, column, workspace)
         while column != width:
             row_of_column[column] = row_of_column[previous[column]]
             column = previous[column]
@@ -284,9 +243,14 @@ def match_views(scores, view_of_row, n_views, min_log_odds, rows):
     size = n + n_detections + 1
     gain = np.empty((n, n_detections))
     column_of_row = np.empty(n, np.int64)
-    row_of_column = np.empty(size, np.int64)
-    potential_row, potential_column = np.empty(n), np.empty(size)
-    slack, previous, visited = np.empty(size), np.empty(size, np.int64), np.empty(size, np.bool_)
+    workspace = _AssignmentWorkspace(
+        row_of_column=np.empty(size, np.int64),
+        potential_row=np.empty(n),
+        potential_column=np.empty(size),
+        slack=np.empty(size),
+        previous=np.empty(size, np.int64),
+        visited=np.empty(size, np.bool_),
+    )
     first = 0
     for v in range(n_views):
         last = first
@@ -295,19 +259,7 @@ def match_views(scores, view_of_row, n_views, min_log_odds, rows):
         for i in range(n):
             for j in range(first, last):
                 gain[i, j - first] = scores[i, j]
-        assign(
-            gain,
-            n,
-            last - first,
-            min_log_odds,
-            column_of_row,
-            row_of_column,
-            potential_row,
-            potential_column,
-            slack,
-            previous,
-            visited,
-        )
+        assign(gain, n, last - first, min_log_odds, column_of_row, workspace)
         for i in range(n):
             rows[i, v] = first + column_of_row[i] if column_of_row[i] >= 0 else -1
         first = last

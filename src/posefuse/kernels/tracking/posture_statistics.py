@@ -6,10 +6,11 @@ import numpy as np
 
 from posefuse.kernels.jit import kernel
 from posefuse.kernels.tracking.body_kinematics import locate_nodes, node_jacobian
+from posefuse.kernels.tracking.records import Pose
 
 
 @kernel
-def update_lean_statistics(turns, bones, reliable, dt_s, memory_s, observed_s, leans, variance, trunk_axis):
+def update_lean_statistics(turns, bones, reliable, dt_s, memory_s, statistics):
     """Update running means and variances of the inclination of body parts, for reliably observed people.
 
     The mean extends over the last ``memory_s``, or over all observations while there are fewer.
@@ -21,11 +22,9 @@ def update_lean_statistics(turns, bones, reliable, dt_s, memory_s, observed_s, l
         reliable: shape (person,), bool: whether a person is reliably observed.
         dt_s: time since the last frame.
         memory_s: time constant of the means.
-        observed_s: shape (person,), in and out: total time of reliable observation.
-        leans: shape (person, segment + bone), in and out: cosines between third axes and that of the trunk.
-        variance: shape (person, segment + bone), in and out: variance of these cosines over time.
-        trunk_axis: shape (person, 3), in and out: mean third axis of the trunk.
+        statistics: LeanStatistics, in and out.
     """
+    observed_s, leans, variance, trunk_axis = statistics
     segments = turns.shape[1]
     for p in range(reliable.shape[0]):
         if not reliable[p]:
@@ -83,19 +82,14 @@ def lowest_point(body, state, up, row):
         up: shape (3,): a unit vector.
         row: shape (pose,), written: m per unit.
     """
-    b = body
-    nodes = np.empty((b.parents.shape[0], 3))
-    jacobian = np.zeros((b.parents.shape[0], 3, row.shape[0] + state.shape.shape[1]))
-    turns, bones, shape = state.turns[0], state.bones[0], state.shape[0]
-    locate_nodes(
-        b.parents, b.carriers, b.is_bone, b.offsets, b.shape_of, b.signs, state.root[0], turns, bones, shape, nodes
-    )
-    node_jacobian(
-        b.parents, b.carriers, b.is_bone, b.offsets, b.shape_of, b.signs, row.shape[0], turns, bones, shape, jacobian
-    )
+    nodes = np.empty((body.parents.shape[0], 3))
+    jacobian = np.zeros((body.parents.shape[0], 3, row.shape[0] + state.shape.shape[1]))
+    pose = Pose(state.root[0], state.turns[0], state.bones[0], state.shape[0])
+    locate_nodes(body, pose, nodes)
+    node_jacobian(body, pose, row.shape[0], jacobian)
     lowest = math.inf
-    for k in range(b.keypoint_nodes.shape[0]):
-        node = b.keypoint_nodes[k]
+    for k in range(body.keypoint_nodes.shape[0]):
+        node = body.keypoint_nodes[k]
         if node < 0:
             continue
         height = up[0] * nodes[node, 0] + up[1] * nodes[node, 1] + up[2] * nodes[node, 2]

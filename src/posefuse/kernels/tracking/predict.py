@@ -41,21 +41,20 @@ def predict_state(states, k, decay, reach, change, out):
 
 
 @subroutine
-def predict_covariance(cov, dt, decay_s, power, decay, reach, walk, m, rows, out):
+def predict_covariance(cov, dt, motion, decay, reach, m, rows, out):
     """Write the lower triangle of a covariance predicted over one frame, without the limit on variances.
 
     Args:
         cov: shape (all, all).
         dt: time to the next frame, s.
-        decay_s: shape (pose,): time constant of the velocity decay.
-        power: shape (pose,): spectral density of the accelerations.
+        motion: a MotionModel.
         decay: shape (pose,), from :func:`velocity_decay`.
         reach: shape (pose,), likewise.
-        walk: variance of the random walk of each shape number, m^2 / s.
         m: number of pose numbers, plus shape numbers if the shape is estimated.
         rows: of the result: ``m``, or ``m`` plus the number of velocities.
         out: shape (at least rows, at least rows), written.
     """
+    decay_s, power = motion.decay_s, motion.power
     n = decay.shape[0]
     first = cov.shape[0] - n
     for i in range(m):
@@ -75,7 +74,7 @@ def predict_covariance(cov, dt, decay_s, power, decay, reach, walk, m, rows, out
         for j in range(i + 1):
             out[m + i, m + j] = decay[i] * decay[j] * cov[first + i, first + j]
     for i in range(m):
-        out[i, i] += process_noise(dt, decay_s[i], power[i], decay[i])[0] if i < n else walk * dt
+        out[i, i] += process_noise(dt, decay_s[i], power[i], decay[i])[0] if i < n else motion.walk * dt
     for i in range(rows - m):
         _, cross, velocity = process_noise(dt, decay_s[i], power[i], decay[i])
         out[m + i, i] += cross
@@ -108,19 +107,15 @@ def limit_triangle_variances(triangle, max_variance, m):
 
 
 @kernel
-def predict_people(dt_s, decay_s, power, max_variance, walk, state):
+def predict_people(dt_s, motion, state):
     """Predict all people to a later time: velocities decay and variances grow.
-
-    Every number of the pose has its own Ornstein-Uhlenbeck velocity.
 
     Args:
         dt_s: shape (person,).
-        decay_s: shape (pose,): time constant of the velocity decay.
-        power: shape (pose,): spectral density of the accelerations, units^2 / s^3.
-        max_variance: shape (pose,): upper bound of the variance of each number.
-        walk: variance of the random walk of each shape number, m^2 / s.
-        state: State, in and out.
+        motion: a MotionModel.
+        state: a State, in and out.
     """
+    decay_s = motion.decay_s
     n = state.velocity.shape[1]
     decay = np.empty(n)
     reach = np.empty(n)
@@ -133,8 +128,9 @@ def predict_people(dt_s, decay_s, power, max_variance, walk, state):
             state.velocity[p, i] *= decay[i]
         apply_increment(change, state.root[p], state.turns[p], state.bones[p])
         propagate_covariance(state.covariance[p], decay, reach)
-        add_process_noise(state.covariance[p], dt_s[p], decay_s, power, decay, walk if state.free[p] != 0 else 0.0)
-        limit_variances(state.covariance[p], max_variance)
+        walk = motion.walk if state.free[p] != 0 else 0.0
+        add_process_noise(state.covariance[p], dt_s[p], motion, decay, walk)
+        limit_variances(state.covariance[p], motion.max_variance)
 
 
 @subroutine
@@ -161,8 +157,9 @@ def propagate_covariance(cov, decay, reach):
 
 
 @subroutine
-def add_process_noise(cov, dt, decay_s, power, decay, walk):
-    """Add the process noise of accelerations with the given spectral density, and of the shape's random walk."""
+def add_process_noise(cov, dt, motion, decay, walk):
+    """Add the process noise of accelerations, and of the shape's random walk, whose variance ``walk`` may be 0."""
+    decay_s, power = motion.decay_s, motion.power
     n = decay.shape[0]
     first = cov.shape[0] - n
     for i in range(n):

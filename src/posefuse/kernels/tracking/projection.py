@@ -12,35 +12,29 @@ from posefuse.kernels.tracking.point_projection import (
     project_node,
     squared_px_per_m,
 )
+from posefuse.kernels.tracking.records import Pose
 
 
 @kernel
-def project_people(cameras, body, state, points, covariance, pixels, pixel_covariances, scale_px_per_m):
+def project_people(cameras, body, state, out):
     """Project the predicted keypoints of all people into all views, with covariances.
 
     Args:
         cameras: the camera array.
         body: a Body.
         state: a State.
-        points: shape (person, keypoint, 3), written; NaN if the tree has no such keypoint.
-        covariance: shape (person, keypoint, 6), written: m^2.
-        pixels: shape (person, view, keypoint, 2), written: NaN where a view cannot see the point.
-        pixel_covariances: shape (person, view, keypoint, 3), written: uu, uv, vv of the predicted pixel, px^2.
-        scale_px_per_m: shape (person, view, keypoint), written: length of a meter in px.
+        out: ProjectedKeypoints, written.
     """
+    points, covariance, pixels, pixel_covariances, scale_px_per_m = out
     n_pose = state.velocity.shape[1]
     jacobian = np.zeros((body.parents.shape[0], 3, n_pose + state.shape.shape[1]))
     nodes = np.empty((body.parents.shape[0], 3))
     b = body
     for p in range(state.root.shape[0]):
-        turns, bones, shape = state.turns[p], state.bones[p], state.shape[p]
-        m = n_pose + (shape.shape[0] if state.free[p] != 0 else 0)
-        locate_nodes(
-            b.parents, b.carriers, b.is_bone, b.offsets, b.shape_of, b.signs, state.root[p], turns, bones, shape, nodes
-        )
-        node_jacobian(
-            b.parents, b.carriers, b.is_bone, b.offsets, b.shape_of, b.signs, n_pose, turns, bones, shape, jacobian
-        )
+        pose = Pose(state.root[p], state.turns[p], state.bones[p], state.shape[p])
+        m = n_pose + (pose.shape.shape[0] if state.free[p] != 0 else 0)
+        locate_nodes(body, pose, nodes)
+        node_jacobian(body, pose, n_pose, jacobian)
         for k in range(b.keypoint_nodes.shape[0]):
             node = b.keypoint_nodes[k]
             if node < 0:

@@ -41,15 +41,12 @@ ROUNDING_TOLERANCE = 1e-6
 
 
 @kernel
-def refilter(dt_s, decay_s, power, max_variance, walk, filtered, fraction, discount, state, information):
+def refilter(dt_s, motion, filtered, fraction, discount, state, information):
     """Filter frames again in which the shape is estimated throughout, or fixed throughout.
 
     Args:
         dt_s: shape (frame,): time since the previous frame; the first entry is not used.
-        decay_s: shape (pose,): time constant of the velocity decay.
-        power: shape (pose,): spectral density of the accelerations.
-        max_variance: shape (pose,): upper bound of the variance of each number.
-        walk: variance of the random walk of each shape number, m^2 / s.
+        motion: a MotionModel.
         filtered: a State with frames: result of the first filter.
         fraction: shape (frame,): fraction of the information that the first filter used which is used now.
         discount: shape (frame,): factor by which the first filter discounted the nominal information of each frame.
@@ -77,24 +74,21 @@ def refilter(dt_s, decay_s, power, max_variance, walk, filtered, fraction, disco
         np.empty((1, h)), np.empty((1, n)),
     )  # fmt: skip
     for k in range(1, frames):
-        velocity_decay(dt_s[k], decay_s, workspace.decay, workspace.reach)
-        shape_walk = walk if m > n else 0.0
-        _predict_frame(state, k, dt_s[k], decay_s, power, max_variance, shape_walk, workspace)
+        velocity_decay(dt_s[k], motion.decay_s, workspace.decay, workspace.reach)
+        _predict_frame(state, k, dt_s[k], motion, motion.walk if m > n else 0.0, workspace)
         predict_state(filtered, k - 1, workspace.decay, workspace.reach, workspace.change, predicted)
         state_difference(predicted, 0, filtered, k, workspace.change)
         predict_covariance(
             filtered.covariance[k - 1],
             dt_s[k],
-            decay_s,
-            power,
+            motion,
             workspace.decay,
             workspace.reach,
-            shape_walk,
             m,
             m,
             workspace.predicted_information,
         )
-        limit_triangle_variances(workspace.predicted_information, max_variance, m)
+        limit_triangle_variances(workspace.predicted_information, motion.max_variance, m)
         copy_triangle(filtered.covariance[k], m, workspace.frame_information)
         copy_triangle(state.covariance[k], m, workspace.prior_information)
         # A single loop covers all inversions, so that its body is compiled once.
@@ -149,7 +143,7 @@ def _loses_information(frame_information, prior_information, m):
 
 
 @subroutine
-def _predict_frame(state, k, dt, decay_s, power, max_variance, walk, workspace):
+def _predict_frame(state, k, dt, motion, walk, workspace):
     """Predict frame ``k`` from the previous one."""
     n = workspace.decay.shape[0]
     for i in range(n):
@@ -167,8 +161,8 @@ def _predict_frame(state, k, dt, decay_s, power, max_variance, walk, workspace):
         for j in range(now.shape[0]):
             now[i, j] = predicted_information[i, j]
     propagate_covariance(now, workspace.decay, workspace.reach)
-    add_process_noise(now, dt, decay_s, power, workspace.decay, walk)
-    limit_variances(now, max_variance)
+    add_process_noise(now, dt, motion, workspace.decay, walk)
+    limit_variances(now, motion.max_variance)
 
 
 @subroutine
@@ -261,7 +255,6 @@ def _update_frame(state, k, n, m, workspace):
         workspace.prior_information,
         workspace.posterior_information,
         workspace.change,
-        n,
         m,
         state.velocity[k],
         workspace.gain,

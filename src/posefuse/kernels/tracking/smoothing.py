@@ -80,7 +80,7 @@ def apply_changes(change, state):
 
 
 @kernel
-def smoother_gains(dt_s, decay_s, power, walk, state, gains, remainder):
+def smoother_gains(dt_s, motion, state, gains, remainder):
     """Compute the gains of the smoother and the covariance that later frames cannot reduce.
 
     With P the covariance of a state, F its transition, Q the process noise and P' = F P F^T + Q, the gain is
@@ -90,9 +90,7 @@ def smoother_gains(dt_s, decay_s, power, walk, state, gains, remainder):
 
     Args:
         dt_s: shape (frame,): time to the next frame.
-        decay_s: shape (pose,): time constant of the velocity decay.
-        power: shape (pose,): spectral density of the accelerations.
-        walk: variance of the random walk of each shape number, m^2 / s.
+        motion: a MotionModel; variances are not limited.
         state: a State, filtered; at least as many frames as gains.
         gains: shape (frame, row, row), written: of (pose, shape if it is estimated, velocity).
         remainder: shape (frame, row, row), written.
@@ -106,18 +104,19 @@ def smoother_gains(dt_s, decay_s, power, walk, state, gains, remainder):
     decay, reach, row = np.empty(n), np.empty(n), np.empty(rows)
     for k in range(gains.shape[0]):
         dt = dt_s[k]
-        velocity_decay(dt, decay_s, decay, reach)
-        predict_covariance(state.covariance[k], dt, decay_s, power, decay, reach, walk, m, rows, inverse)
+        velocity_decay(dt, motion.decay_s, decay, reach)
+        predict_covariance(state.covariance[k], dt, motion, decay, reach, m, rows, inverse)
         if not invert(inverse, rows, row):
             return k
-        _gain(inverse, dt, decay_s, power, decay, reach, walk, m, gains[k])
-        _remainder(gains[k], dt, decay_s, power, decay, reach, walk, m, remainder[k])
+        _gain(inverse, dt, motion, decay, reach, m, gains[k])
+        _remainder(gains[k], dt, motion, decay, reach, m, remainder[k])
     return gains.shape[0]
 
 
 @subroutine
-def _gain(inverse, dt, decay_s, power, decay, reach, walk, m, out):
+def _gain(inverse, dt, motion, decay, reach, m, out):
     """Write ``F^-1 (1 - Q inverse)``."""
+    decay_s, power, walk = motion.decay_s, motion.power, motion.walk
     n, rows = decay.shape[0], inverse.shape[0]
     for i in range(n):
         position, cross, velocity = process_noise(dt, decay_s[i], power[i], decay[i])
@@ -133,8 +132,9 @@ def _gain(inverse, dt, decay_s, power, decay, reach, walk, m, out):
 
 
 @subroutine
-def _remainder(gain, dt, decay_s, power, decay, reach, walk, m, out):
+def _remainder(gain, dt, motion, decay, reach, m, out):
     """Write the symmetric matrix ``gain Q F^-T``."""
+    decay_s, power, walk = motion.decay_s, motion.power, motion.walk
     n, rows = decay.shape[0], gain.shape[0]
     for j in range(n):
         position, cross, velocity = process_noise(dt, decay_s[j], power[j], decay[j])

@@ -19,13 +19,13 @@ from posefuse.kernels.linear_algebra.symmetric import (
     subtract_symmetric_product,
 )
 from posefuse.kernels.tracking.body_kinematics import apply_increment, locate_nodes, node_jacobian
-from posefuse.kernels.tracking.records import UNOBSERVED
-from posefuse.kernels.tracking.update_equations import build_equations, gate_observations
+from posefuse.kernels.tracking.records import UNOBSERVED, AssignedDetections, Pose
+from posefuse.kernels.tracking.update_equations import Observed, build_equations, gate_observations
 
 Workspace = namedtuple(
     "Workspace",
     "nodes jacobian noise prior hessian best_hessian lower gradient best_gradient change offset best_offset weight "
-    "force weighted gain cross root turns bones shape",
+    "force weighted gain cross best_pose",
 )
 """Scratch arrays of an update.
 
@@ -45,12 +45,13 @@ _DAMPING_FACTOR = 10.0
 
 
 @vectorized
-def update_velocities(cov, prior, posterior, offset, n, m, velocity, gain, cross):
+def update_velocities(cov, prior, posterior, offset, m, velocity, gain, cross):
     """Update velocities and the full covariance from the offset of pose and shape and their posterior covariance.
 
     With G = P_va P_aa^-1: velocities change by G times the offset, P_va becomes G P_aa', P_vv loses G (P_aa - P_aa')
     G^T.
     """
+    n = velocity.shape[0]
     first = cov.shape[0] - n
     multiply(cov, first, prior, n, m, gain)
     multiply(gain, 0, posterior, n, m, cross)
@@ -91,12 +92,12 @@ def copy_rotations(source, target):
 
 
 @subroutine
-def _copy_pose(root, turns, bones, shape, to_root, to_turns, to_bones, to_shape):
+def _copy_pose(source, target):
     """Copy a pose and a shape."""
-    _copy(root, to_root)
-    copy_rotations(turns, to_turns)
-    copy_rotations(bones, to_bones)
-    _copy(shape, to_shape)
+    _copy(source.root, target.root)
+    copy_rotations(source.turns, target.turns)
+    copy_rotations(source.bones, target.bones)
+    _copy(source.shape, target.shape)
 
 
 @inline
@@ -126,43 +127,22 @@ def _damped_step(hessian, gradient, damping, m, lower, change):
 
 
 @kernel
-def update_people(
-    cameras,
-    body,
-    error_model,
-    discount,
-    iterations,
-    rows,
-    labels,
-    keypoints_px,
-    confidence,
-    state,
-    use,
-    innovation,
-    surprise,
-):
+def update_people(cameras, body, error_model, detections, discount, iterations, state, out):
     """Update all people with the detections assigned to them.
 
     Args:
         cameras: the camera array.
         body: a Body.
         error_model: an ErrorModel.
+        detections: AssignedDetections.
         discount: shape (person,): information discount: the number of frames that together carry the information of
             one independent frame, because detection errors are correlated in time.
         iterations: maximum number of Gauss-Newton iterations.
-        rows: shape (person, view), int64: rows of the detections, -1 where none.
-        labels: shape (person, view, keypoint), int64: the keypoint of the detection that observes each keypoint; -1
-            none.
-        keypoints_px: shape (row, keypoint, 2).
-        confidence: shape (row, keypoint).
         state: a State, in and out.
-        use: shape (person, view, keypoint), int64, written: USED, GATED or UNOBSERVED.
-        innovation: shape (person,), written: squared distance of the update from the prediction, in units of the
-            predicted covariance; NaN if that covariance is not positive definite: the position then becomes NaN as
-            well, and no view observes the person.
-        surprise: shape (person,), written: sum of the squared innovations of the used keypoints, each in units of its
-            own covariance; expected value two per keypoint. NaN likewise.
+        out: UpdateResults, written.
     """
+    use, innovation, surprise = out
+    rows, labels, keypoints_px, confidence = detections
     n_people, n = state.velocity.shape
     h = state.shape.shape[1]
     size, n_views, n_keypoints = n + h, cameras.shape[0], body.keypoint_nodes.shape[0]
@@ -184,10 +164,12 @@ def update_people(
         weighted=np.empty((3, size)),
         gain=np.empty((n, size)),
         cross=np.empty((n, size)),
-        root=np.empty(3),
-        turns=np.empty((state.turns.shape[1], 3, 3)),
-        bones=np.empty((state.bones.shape[1], 3, 3)),
-        shape=np.empty(h),
+        best_pose=Pose(
+            root=np.empty(3),
+            turns=np.empty((state.turns.shape[1], 3, 3)),
+            bones=np.empty((state.bones.shape[1], 3, 3)),
+            shape=np.empty(h),
+        ),
     )
     for p in range(n_people):
         m = size if state.free[p] != 0 else n
@@ -199,58 +181,47 @@ def update_people(
             surprise[p] = math.nan
             state.root[p, :] = math.nan
             continue
-        surprise[p] = _iterate(
-            cameras, body, error_model, discount[p], iterations, rows[p], labels[p], keypoints_px, confidence,
-            state.root[p], state.turns[p], state.bones[p], state.shape[p], cov, n, m, use[p], workspace,
+        observed = Observed(
+            cameras, body, error_model, AssignedDetections(rows[p], labels[p], keypoints_px, confidence), use[p],
+            1.0 / discount[p],
         )  # fmt: skip
-        innovation[p] = _finish_update(cov, n, m, state.velocity[p], workspace)
+        pose = Pose(state.root[p], state.turns[p], state.bones[p], state.shape[p])
+        surprise[p] = _iterate(observed, pose, cov, n, m, iterations, workspace)
+        innovation[p] = _finish_update(cov, m, state.velocity[p], workspace)
 
 
 @subroutine
-def _iterate(
-    cameras, body, error_model, discount, iterations, rows, labels, keypoints_px, confidence, root, turns, bones,
-    shape, cov, n, m, use, workspace,
-):  # fmt: skip
+def _iterate(observed, pose, cov, n, m, iterations, workspace):
     """Iterate damped Gauss-Newton steps from the prediction; return the sum of squared innovations at the start."""
-    b = body
     for i in range(m):
         workspace.offset[i] = 0.0
     damping, before, surprise = 0.0, math.inf, 0.0
     for iteration in range(iterations + 1):
-        locate_nodes(
-            b.parents, b.carriers, b.is_bone, b.offsets, b.shape_of, b.signs, root, turns, bones, shape, workspace.nodes
-        )
-        node_jacobian(
-            b.parents, b.carriers, b.is_bone, b.offsets, b.shape_of, b.signs, n, turns, bones, shape, workspace.jacobian
-        )
+        locate_nodes(observed.body, pose, workspace.nodes)
+        node_jacobian(observed.body, pose, n, workspace.jacobian)
         if iteration == 0:
-            surprise = gate_observations(
-                cameras, b, error_model, rows, labels, keypoints_px, confidence, workspace.nodes, workspace.jacobian,
-                m, cov, workspace.weight, use, workspace.noise,
-            )  # fmt: skip
-        total = build_equations(
-            cameras, b, error_model, 1.0 / discount, rows, labels, keypoints_px, use, turns, bones, m, workspace
-        )
+            surprise = gate_observations(observed, cov, m, workspace)
+        total = build_equations(observed, pose, m, workspace)
         if total <= before + 1e-9 * abs(before):
             before = total
             damping /= _DAMPING_FACTOR
             copy_triangle(workspace.hessian, m, workspace.best_hessian)
             _copy(workspace.gradient, workspace.best_gradient)
             _copy(workspace.offset, workspace.best_offset)
-            _copy_pose(root, turns, bones, shape, workspace.root, workspace.turns, workspace.bones, workspace.shape)
+            _copy_pose(pose, workspace.best_pose)
         else:
             # The cost rose: return to the best pose and take a shorter step.
             damping = max(_DAMPING, damping * _DAMPING_FACTOR)
-            _copy_pose(workspace.root, workspace.turns, workspace.bones, workspace.shape, root, turns, bones, shape)
+            _copy_pose(workspace.best_pose, pose)
             _copy(workspace.best_offset, workspace.offset)
         if iteration == iterations:
             break
         size = _damped_step(
             workspace.best_hessian, workspace.best_gradient, damping, m, workspace.lower, workspace.change
         )
-        apply_increment(workspace.change, root, turns, bones)
+        apply_increment(workspace.change, pose.root, pose.turns, pose.bones)
         for i in range(m - n):
-            shape[i] += workspace.change[n + i]
+            pose.shape[i] += workspace.change[n + i]
         for i in range(m):
             workspace.offset[i] += workspace.change[i]
         if size < _SMALL_STEP and damping < _DAMPING:
@@ -259,7 +230,7 @@ def _iterate(
 
 
 @subroutine
-def _finish_update(cov, n, m, velocity, workspace):
+def _finish_update(cov, m, velocity, workspace):
     """Compute the covariance after an update and the velocities; return the squared distance from the prediction."""
     distance_squared = 0.0
     for i in range(m):
@@ -268,6 +239,6 @@ def _finish_update(cov, n, m, velocity, workspace):
     copy_triangle(workspace.best_hessian, m, workspace.hessian)
     if invert(workspace.hessian, m, workspace.change):
         update_velocities(
-            cov, workspace.prior, workspace.hessian, workspace.offset, n, m, velocity, workspace.gain, workspace.cross
+            cov, workspace.prior, workspace.hessian, workspace.offset, m, velocity, workspace.gain, workspace.cross
         )
     return distance_squared

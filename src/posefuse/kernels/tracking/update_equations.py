@@ -1,6 +1,7 @@
 """Gating and normal equations of an update: observations, prior and joint limits."""
 
 import math
+from typing import Any, NamedTuple
 
 from posefuse.kernels.cameras.lens import OK
 from posefuse.kernels.jit import inline, subroutine, vectorized
@@ -10,11 +11,32 @@ from posefuse.kernels.tracking.point_projection import pixel_covariance, point_c
 from posefuse.kernels.tracking.records import GATED, UNOBSERVED, USED
 
 
+class Observed(NamedTuple):
+    """What an update of one person observes.
+
+    Attributes:
+        cameras: the camera array.
+        body: a Body.
+        error_model: an ErrorModel.
+        detections: AssignedDetections of this person: rows and labels without the person axis.
+        use: shape (view, keypoint), int64: USED, GATED or UNOBSERVED.
+        information: factor of the information of the observations.
+    """
+
+    cameras: Any
+    body: Any
+    error_model: Any
+    detections: Any
+    use: Any
+    information: Any
+
+
 @subroutine
-def gate_observations(
-    cameras, body, error_model, rows, labels, keypoints_px, confidence, nodes, jacobian, m, cov, packed, use, noise
-):
+def gate_observations(observed, cov, m, workspace):
     """Gate observations at the prediction; write their use and variance; return the sum of squared innovations."""
+    cameras, body, error_model, detections, use, _ = observed
+    rows, labels, keypoints_px, confidence = detections
+    nodes, jacobian, noise, packed = workspace.nodes, workspace.jacobian, workspace.noise, workspace.weight
     total = 0.0
     for k in range(body.keypoint_nodes.shape[0]):
         node = body.keypoint_nodes[k]
@@ -55,8 +77,11 @@ def _clear(matrix, vector, n):
 
 
 @subroutine
-def _add_keypoint(jacobian, starts, columns, node, m, weight, force, hessian, gradient, weighted):
+def _add_keypoint(body, node, m, workspace):
     """Add one keypoint, with information ``weight`` (packed) and gradient ``force``, to the normal equations."""
+    starts, columns, jacobian = body.starts, body.columns, workspace.jacobian
+    weight, force, weighted = workspace.weight, workspace.force, workspace.weighted
+    hessian, gradient = workspace.hessian, workspace.gradient
     for a in range(starts[node], starts[node + 1]):
         i = columns[a]
         if i >= m:
@@ -77,26 +102,11 @@ def _add_keypoint(jacobian, starts, columns, node, m, weight, force, hessian, gr
 
 
 @subroutine
-def _add_views(
-    cameras,
-    body,
-    error_model,
-    information,
-    rows,
-    labels,
-    keypoints_px,
-    use,
-    noise,
-    nodes,
-    jacobian,
-    m,
-    weight,
-    force,
-    hessian,
-    gradient,
-    weighted,
-):
+def _add_views(observed, m, workspace):
     """Add all used observations to the normal equations; return their cost."""
+    cameras, body, error_model, detections, use, information = observed
+    rows, labels, keypoints_px, _ = detections
+    noise, nodes, weight, force = workspace.noise, workspace.nodes, workspace.weight, workspace.force
     cost = 0.0
     for k in range(body.keypoint_nodes.shape[0]):
         node = body.keypoint_nodes[k]
@@ -127,7 +137,7 @@ def _add_views(
             force[2] += w * (view[5] * du + view[8] * dv)
             any_view = True
         if any_view:
-            _add_keypoint(jacobian, body.starts, body.columns, node, m, weight, force, hessian, gradient, weighted)
+            _add_keypoint(body, node, m, workspace)
     return cost
 
 
@@ -147,21 +157,16 @@ def _add_prior(prior, offset, m, hessian, gradient):
 
 
 @subroutine
-def build_equations(
-    cameras, body, error_model, information, rows, labels, keypoints_px, use, turns, bones, m, workspace
-):
+def build_equations(observed, pose, m, workspace):
     """Build the normal equations at a pose and shape in the workspace; return their cost."""
+    body = observed.body
     _clear(workspace.hessian, workspace.gradient, m)
     total = _add_prior(workspace.prior, workspace.offset, m, workspace.hessian, workspace.gradient)
-    total += _add_views(
-        cameras, body, error_model, information, rows, labels, keypoints_px, use, workspace.noise, workspace.nodes,
-        workspace.jacobian, m, workspace.weight, workspace.force, workspace.hessian, workspace.gradient,
-        workspace.weighted,
-    )  # fmt: skip
-    stiffness = error_model.limit_sigma**-2.0
+    total += _add_views(observed, m, workspace)
+    stiffness = observed.error_model.limit_sigma**-2.0
     for limit in range(body.limits.shape[0]):
         if body.limits[limit, 0] == TWIST:
-            total += add_twist(body, limit, stiffness, turns, workspace.hessian, workspace.gradient)
+            total += add_twist(body, limit, stiffness, pose.turns, workspace.hessian, workspace.gradient)
         else:
-            total += add_limit(body, limit, stiffness, turns, bones, workspace.hessian, workspace.gradient)
+            total += add_limit(body, limit, stiffness, pose.turns, pose.bones, workspace.hessian, workspace.gradient)
     return total

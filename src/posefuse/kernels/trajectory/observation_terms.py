@@ -20,6 +20,52 @@ _MAX_PATH_VARIANCE = 10.0
 """Upper bound of the path's own variance in the weights, in units of the variance of a detection."""
 
 
+class ViewTerms(NamedTuple):
+    """Linearized observations of all views.
+
+    Attributes:
+        residuals: shape (keypoint, frame, view, 2).
+        jacobians: shape (keypoint, frame, view, 2, 3).
+        sigma: shape (keypoint, frame, view).
+        weights: shape (keypoint, frame, view).
+        correlation: shape (frame,): correlation of an error with that of the previous frame.
+    """
+
+    residuals: Any
+    jacobians: Any
+    sigma: Any
+    weights: Any
+    correlation: Any
+
+
+class SmoothnessTerms(NamedTuple):
+    """Smoothness prior of all paths.
+
+    Attributes:
+        differences: shape (row, REACH + 1).
+        stiffness: shape (keypoint, row).
+        ridge: shape (keypoint,): small information that ties each point to its current position.
+    """
+
+    differences: Any
+    stiffness: Any
+    ridge: Any
+
+
+class PathSystem(NamedTuple):
+    """Normal equations of all paths.
+
+    Attributes:
+        band: shape (keypoint, frame, REACH + 1, 3, 3).
+        rhs: shape (keypoint, frame, 3): negative gradient.
+        information: shape (keypoint, frame, 3, 3): of single frames.
+    """
+
+    band: Any
+    rhs: Any
+    information: Any
+
+
 @kernel
 def weigh_observations(residuals, jacobians, sigma, covariance, full, none, weights):
     """Compute weights of observations from their distance to the path: 1 up to ``full`` sigmas, 0 from ``none`` on.
@@ -119,21 +165,19 @@ def _add_gradient(jacobian, x, y, factor, out):
 
 
 @vectorized
-def add_view(residuals, jacobians, sigma, weights, correlation, v, band, rhs, information, scratch):
+def add_view(views, k, v, system, scratch):
     """Add the observations of a keypoint in one view; errors follow a first-order autoregressive process.
 
     Args:
-        residuals: shape (frame, view, 2), px, projected minus observed.
-        jacobians: shape (frame, view, 2, 3).
-        sigma: shape (frame, view), px.
-        weights: shape (frame, view).
-        correlation: shape (frame,): correlation of an error with that of the previous frame.
+        views: ViewTerms.
+        k: the keypoint.
         v: the view.
-        band: shape (frame, REACH + 1, 3, 3), added to.
-        rhs: shape (frame, 3), added to: negative gradient.
-        information: shape (frame, 3, 3), added to: information per frame, reduced for the correlation over many frames.
+        system: PathSystem, added to; the information of a frame is reduced for the correlation over many frames.
         scratch: shape (2, 2, 4), scratch: of the last frame and of this one.
     """
+    residuals, jacobians, sigma, weights = views.residuals[k], views.jacobians[k], views.sigma[k], views.weights[k]
+    band, rhs, information = system.band[k], system.rhs[k], system.information[k]
+    correlation = views.correlation
     last = -1
     last_weight = 0.0
     lag_correlation = 1.0
@@ -205,52 +249,6 @@ def add_smoothness(differences, stiffness, path, band, rhs):
                     band[row + a, a - b, i, i] += value
 
 
-class ViewTerms(NamedTuple):
-    """Linearized observations of all views.
-
-    Attributes:
-        residuals: shape (keypoint, frame, view, 2).
-        jacobians: shape (keypoint, frame, view, 2, 3).
-        sigma: shape (keypoint, frame, view).
-        weights: shape (keypoint, frame, view).
-        correlation: shape (frame,): correlation of an error with that of the previous frame.
-    """
-
-    residuals: Any
-    jacobians: Any
-    sigma: Any
-    weights: Any
-    correlation: Any
-
-
-class SmoothnessTerms(NamedTuple):
-    """Smoothness prior of all paths.
-
-    Attributes:
-        differences: shape (row, REACH + 1).
-        stiffness: shape (keypoint, row).
-        ridge: shape (keypoint,): small information that ties each point to its current position.
-    """
-
-    differences: Any
-    stiffness: Any
-    ridge: Any
-
-
-class PathSystem(NamedTuple):
-    """Normal equations of all paths.
-
-    Attributes:
-        band: shape (keypoint, frame, REACH + 1, 3, 3).
-        rhs: shape (keypoint, frame, 3): negative gradient.
-        information: shape (keypoint, frame, 3, 3): of single frames.
-    """
-
-    band: Any
-    rhs: Any
-    information: Any
-
-
 @kernel
 def assemble_system(views, smoothness, paths, system):
     """Assemble the terms of views and smoothness for all keypoints.
@@ -261,7 +259,6 @@ def assemble_system(views, smoothness, paths, system):
         paths: shape (keypoint, frame, 3).
         system: PathSystem, written.
     """
-    residuals, jacobians, sigma, weights, correlation = views
     differences, stiffness, ridge = smoothness
     band, rhs, information = system
     scratch = np.empty((2, 2, 4))
@@ -272,11 +269,8 @@ def assemble_system(views, smoothness, paths, system):
         for f in range(paths.shape[1]):
             for i in range(3):
                 band[k, f, 0, i, i] = ridge[k]
-        for v in range(residuals.shape[2]):
-            add_view(
-                residuals[k], jacobians[k], sigma[k], weights[k], correlation, v, band[k], rhs[k], information[k],
-                scratch
-            )  # fmt: skip
+        for v in range(views.residuals.shape[2]):
+            add_view(views, k, v, system, scratch)
         add_smoothness(differences, stiffness[k], paths[k], band[k], rhs[k])
 
 

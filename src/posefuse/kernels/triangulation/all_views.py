@@ -43,46 +43,20 @@ def _point_codes(lane_status, n_used, min_views, status):
 
 
 @kernel
-def triangulate_views(
-    cameras,
-    distorted,
-    fisheye,
-    keypoints_px,
-    confidence,
-    detection_rows,
-    scale_px,
-    exponent,
-    min_confidence,
-    min_views,
-    points,
-    covariance,
-    status,
-    view_codes,
-    view_errors_px,
-    mean_errors_px,
-):
+def triangulate_views(cameras, observations, noise, min_views, out):
     """Triangulate maximum-likelihood points from all valid views, without outlier rejection.
 
     Args:
-        cameras: the camera array, shape (view, COLUMNS).
-        distorted: None if the rig has no lens with distortion polynomials.
-        fisheye: None if the rig has no fisheye lens.
-        keypoints_px: shape (detection, keypoint, 2), NaN where missing.
-        confidence: shape (detection, keypoint), NaN where the detector gives none.
-        detection_rows: shape (person_frame, view), int64: rows of the two arrays above, NO_DETECTION or NOT_RECORDED.
-        scale_px: shape (view,): noise of a detection of confidence 1, in px per axis.
-        exponent: the noise is ``scale_px / confidence^exponent``.
-        min_confidence: detections below this confidence are not used.
+        cameras: CameraArrays.
+        observations: Observations.
+        noise: NoiseParameters.
         min_views: points with fewer valid views are not solved (at least 2).
-        points: shape (person_frame, keypoint, 3), written.
-        covariance: shape (person_frame, keypoint, 6), written: xx xy xz yy yz zz.
-        status: shape (person_frame, keypoint), int8, written: point codes.
-        view_codes: shape (person_frame, keypoint, view), int8, written.
-        view_errors_px: shape (person_frame, keypoint, view), float32, written: reprojection errors of every view that
-            has a detection, used or not.
-        mean_errors_px: shape (person_frame, keypoint), written: mean error over the used views.
+        out: TriangulatedPoints, written.
     """
-    n_views = cameras.shape[0]
+    array, distorted, fisheye = cameras
+    keypoints_px, confidence, detection_rows = observations
+    scale_px, exponent, min_confidence = noise
+    n_views = array.shape[0]
     n_keypoints = keypoints_px.shape[1]
     total = detection_rows.shape[0] * n_keypoints
     pixels = np.empty((n_views, 2, BLOCK))
@@ -99,6 +73,8 @@ def triangulate_views(
     n_used = np.empty(BLOCK, np.int64)
     lane_status = np.empty(BLOCK, np.int64)
     point_codes = np.empty(BLOCK, np.int64)
+    # Read fields before the loop: each access to an array of a record counts references.
+    points, covariance, status = out.points, out.covariance, out.status
     for first in range(0, total, BLOCK):
         index_lanes(first, total, n_keypoints, lane_indices)
         load_block(
@@ -112,13 +88,13 @@ def triangulate_views(
             block_codes,
         )
         for v in range(n_views):
-            rows_block(cameras, distorted, fisheye, v, pixels, lens_codes, rows, scratch)
+            rows_block(array, distorted, fisheye, v, pixels, lens_codes, rows, scratch)
         compute_weights(scale_px, exponent, block_confidence, lens_codes, block_codes, weights)
         open_lanes(weights, min_views, lane_status, n_used)
         solve_block(rows, weights, sums, state, lane_status)
         _point_codes(lane_status, n_used, min_views, point_codes)
         judge_geometry(state, sums, point_codes)
-        reproject_block(cameras, distorted, fisheye, pixels, state, errors)
+        reproject_block(array, distorted, fisheye, pixels, state, errors)
         fill_linearized_errors(rows, weights, state, errors)
         store_points(state, sums, point_codes, lane_indices, points, covariance, status)
-        store_view_results(block_codes, errors, point_codes, lane_indices, view_codes, view_errors_px, mean_errors_px)
+        store_view_results(block_codes, errors, point_codes, lane_indices, out)

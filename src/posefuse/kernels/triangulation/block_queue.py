@@ -22,53 +22,53 @@ _COMPLETE = 2
 
 
 @inline
-def _postpone(lane_indices, n_keypoints, j, n_used, pending, n_pending, queue):
+def _postpone(workspace, n_keypoints, j, queue):
     """Postpone lane ``j`` to a later block."""
-    n_used[j] = 0
+    lane_indices, n_pending = workspace.lane_indices, workspace.n_pending
+    workspace.n_used[j] = 0
     if lane_indices[0, j] >= 0:
-        pending[queue, n_pending[queue]] = lane_indices[0, j] * n_keypoints + lane_indices[1, j]
+        workspace.pending[queue, n_pending[queue]] = lane_indices[0, j] * n_keypoints + lane_indices[1, j]
         n_pending[queue] += 1
         lane_indices[0, j] = -1
 
 
 @inline
-def postpone_contested(
-    lane_indices, n_keypoints, min_views, early_limit, n_used, n_agreeing, lane_status, best, pending, n_pending
-):
+def postpone_contested(workspace, n_keypoints, min_views, early_limit):
     """Postpone the lanes where not all views agree with the point of all views."""
+    n_used, n_agreeing = workspace.n_used, workspace.n_agreeing
     for j in range(BLOCK):
         # No pair hypothesis was needed.
-        best[4, j] = 0.0
-        if n_used[j] >= min_views and not (lane_status[j] == OK and n_agreeing[j] == n_used[j]):
+        workspace.best[4, j] = 0.0
+        if n_used[j] >= min_views and not (workspace.lane_status[j] == OK and n_agreeing[j] == n_used[j]):
             n_agreeing[j] = 0
-            _postpone(lane_indices, n_keypoints, j, n_used, pending, n_pending, 0 if early_limit > 0 else 1)
+            _postpone(workspace, n_keypoints, j, 0 if early_limit > 0 else 1)
 
 
 @inline
-def postpone_undecided(n_undecided, lane_indices, n_keypoints, best, n_used, pending, n_pending):
+def postpone_undecided(workspace, n_keypoints, n_undecided):
     """Postpone the lanes that need more pairs than the first few."""
+    best = workspace.best
     for j in range(BLOCK):
         if n_undecided > 0 and best[3, j] < best[6, j]:
-            _postpone(lane_indices, n_keypoints, j, n_used, pending, n_pending, np.int64(1))
+            _postpone(workspace, n_keypoints, j, np.int64(1))
 
 
 @inline
-def next_block(first, total, n_views, n_keypoints, early_limit, pending, n_pending, lane_indices):
+def next_block(first, total, n_keypoints, early_limit, workspace):
     """Choose the next block: new points, or postponed points as soon as they fill a block.
 
     Args:
         first: number of the next new point.
         total: number of new points.
-        n_views: number of cameras.
         n_keypoints: keypoints per person.
         early_limit: number of pairs of an early-stopping search; 0 if every search is complete.
-        pending: shape (2, point), int64: numbers of the points postponed to an early-stopping and to a complete search.
-        n_pending: shape (2,), int64: number of points in each queue.
-        lane_indices: shape (2, BLOCK), written.
+        workspace: a Workspace; its queues are updated and its lane indices written.
 
     Returns:
         The search mode of the block and the next new point.
     """
+    lane_indices, pending, n_pending = workspace.lane_indices, workspace.pending, workspace.n_pending
+    n_views = workspace.weights.shape[0]
     has_new = first < total
     queue = 1 if n_pending[1] >= BLOCK or (n_pending[0] == 0 and not has_new) else 0
     if has_new and n_pending[queue] < BLOCK:

@@ -42,6 +42,7 @@ from posefuse.kernels.triangulation.block_queue import (
 )
 from posefuse.kernels.triangulation.pair_search import gather_pair, rank_views, search_pairs, two_view_point
 from posefuse.kernels.triangulation.robust_refinement import CURVATURE, accept, refine
+from posefuse.kernels.triangulation.workspace import Workspace
 
 # A point is ambiguous if a rival costs less than this fraction of an outlier view more.
 _CLEAR_LEAD = 0.5
@@ -55,35 +56,39 @@ _MIN_DISTANCE_SQUARED = 36.0
 
 
 @inline
-def _start_lanes(best, min_views, n_used, state, lane_status):
+def _start_lanes(workspace, min_views):
     """Start the refinement of every lane that has a hypothesis and enough views."""
+    best, state = workspace.best, workspace.state
     for j in range(BLOCK):
         for i in range(3):
             state[X + i, j] = best[i, j]
         state[COST, j] = math.inf
         state[SCALE, j] = 1.0
-        lane_status[j] = ACTIVE if (n_used[j] >= min_views) & (best[4, j] < math.inf) else OK
+        ready = (workspace.n_used[j] >= min_views) & (best[4, j] < math.inf)
+        workspace.lane_status[j] = ACTIVE if ready else OK
 
 
 @inline
-def _start_from_all_views(rows, weights, min_views, sums, state, n_used, lane_status):
+def _start_from_all_views(workspace, min_views):
     """Start at the algebraic points of all views."""
+    weights, lane_status, n_used = workspace.weights, workspace.lane_status, workspace.n_used
     open_lanes(weights, min_views, lane_status, n_used)
-    linear_start(rows, weights, sums, state, lane_status)
+    linear_start(workspace.rows, weights, workspace.sums, workspace.state, lane_status)
     for j in range(BLOCK):
         lane_status[j] = SINGULAR if n_used[j] < min_views else lane_status[j]
 
 
 @inline
-def _compute_covariance(rows, accepted, thorough, sums, state, status):
+def _compute_covariance(workspace, thorough):
     """Write covariances from the accepted views at full weight into the first six rows of ``sums``."""
+    sums, state = workspace.sums, workspace.state
     # If all views were accepted, the last step has already computed the information.
     if thorough:
-        normal_equations(rows, accepted, state, sums)
+        normal_equations(workspace.rows, workspace.accepted, state, sums)
         for i in range(6):
             for j in range(BLOCK):
                 state[INFORMATION + i, j] = sums[i, j]
-    judge_geometry(state, sums, status)
+    judge_geometry(state, sums, workspace.point_codes)
 
 
 @inline
@@ -97,8 +102,10 @@ def _mark_outliers(accepted, status, view_codes):
 
 
 @subroutine
-def _rival(rows, weights, accepted, j, bound, pair, pair_weights):
+def _rival(workspace, j, bound):
     """Return ``(cost, x, y, z)`` of the best two-view point of lane ``j`` that uses at least one rejected view."""
+    rows, weights, accepted = workspace.rows, workspace.weights, workspace.accepted
+    pair, pair_weights = workspace.pair, workspace.pair_weights
     n_views = weights.shape[0]
     lowest_cost = math.inf
     best_x = math.nan
@@ -127,9 +134,10 @@ def _rival(rows, weights, accepted, j, bound, pair, pair_weights):
 
 
 @subroutine
-def _rival_code(rows, weights, accepted, state, j, cost, bound, pair, pair_weights):
+def _rival_code(workspace, j, cost, bound):
     """Return the code of a point with a bare majority of views: undecided or ambiguous if it has a rival, else OK."""
-    rival_cost, x, y, z = _rival(rows, weights, accepted, j, bound, pair, pair_weights)
+    state = workspace.state
+    rival_cost, x, y, z = _rival(workspace, j, bound)
     if rival_cost >= cost + _CLEAR_LEAD * bound:
         return status_codes.POINT_OK
     x -= state[X, j]
@@ -143,10 +151,10 @@ def _rival_code(rows, weights, accepted, state, j, cost, bound, pair, pair_weigh
 
 
 @inline
-def _assign_point_codes(
-    rows, weights, accepted, best, bound, min_views, n_used, n_agreeing, state, lane_status, pair, pair_weights, status
-):
+def _assign_point_codes(workspace, bound, min_views):
     """Convert the outcome of the search to point codes."""
+    best, lane_status = workspace.best, workspace.lane_status
+    n_used, n_agreeing = workspace.n_used, workspace.n_agreeing
     for j in range(BLOCK):
         code = status_codes.POINT_OK if n_agreeing[j] > 2 else status_codes.POINT_TWO_VIEWS
         if n_used[j] < min_views:
@@ -160,90 +168,65 @@ def _assign_point_codes(
         elif lane_status[j] == SINGULAR:
             code = status_codes.POINT_DEGENERATE
         elif n_agreeing[j] < n_used[j] and (n_agreeing[j] <= 3 or 2 * n_agreeing[j] <= n_used[j] + 1):
-            code = max(code, _rival_code(rows, weights, accepted, state, j, best[4, j], bound, pair, pair_weights))
-        status[j] = code
+            code = max(code, _rival_code(workspace, j, best[4, j], bound))
+        workspace.point_codes[j] = code
 
 
 @kernel
-def triangulate_consensus(
-    cameras,
-    distorted,
-    fisheye,
-    keypoints_px,
-    confidence,
-    detection_rows,
-    scale_px,
-    exponent,
-    min_confidence,
-    min_views,
-    pairs,
-    required_tries,
-    early_limit,
-    bound_sigma,
-    full_sigma,
-    none_sigma,
-    points,
-    covariance,
-    status,
-    view_codes,
-    view_errors_px,
-    mean_errors_px,
-):
+def triangulate_consensus(cameras, observations, noise, parameters, out):
     """Triangulate the points that most views agree on, and identify these views.
 
     Args:
-        cameras: the camera array, shape (view, COLUMNS).
-        distorted: None if the rig has no lens with distortion polynomials.
-        fisheye: None if the rig has no fisheye lens.
-        keypoints_px: shape (detection, keypoint, 2), NaN where missing.
-        confidence: shape (detection, keypoint), NaN where the detector gives none.
-        detection_rows: shape (person_frame, view), int64: rows of the two arrays above, NO_DETECTION or NOT_RECORDED.
-        scale_px: shape (view,): noise of a detection of confidence 1, in px per axis.
-        exponent: the noise is ``scale_px / confidence^exponent``.
-        min_confidence: detections below this confidence are not used.
-        min_views: points with fewer agreeing views are missing (at least 2).
-        pairs: shape (pair, 2), int64, see :func:`posefuse.kernels.triangulation.pair_search.search_pairs`.
-        required_tries: shape (view + 1, view + 1), int64, see the same function.
-        early_limit: number of pairs after which the few undecided points of a block move to blocks of their own; 0 to
-            disable.
-        bound_sigma: hypotheses: the cost of a residual is capped at this many sigmas.
-        full_sigma: refinement: a residual of fewer sigmas has full weight.
-        none_sigma: refinement: a residual of more sigmas has weight 0; the view is an outlier.
-        points: shape (person_frame, keypoint, 3), written.
-        covariance: shape (person_frame, keypoint, 6), written: xx xy xz yy yz zz.
-        status: shape (person_frame, keypoint), int8, written: point codes.
-        view_codes: shape (person_frame, keypoint, view), int8, written.
-        view_errors_px: shape (person_frame, keypoint, view), float32, written: reprojection errors of every view that
-            has a detection, used or not.
-        mean_errors_px: shape (person_frame, keypoint), written: mean error over the used views.
+        cameras: CameraArrays.
+        observations: Observations.
+        noise: NoiseParameters.
+        parameters: ConsensusParameters.
+        out: TriangulatedPoints, written.
     """
-    n_views = cameras.shape[0]
+    array, distorted, fisheye = cameras
+    keypoints_px, confidence, detection_rows = observations
+    scale_px, exponent, min_confidence = noise
+    min_views, early_limit = parameters.min_views, parameters.early_limit
+    n_views = array.shape[0]
     n_keypoints = keypoints_px.shape[1]
     total = detection_rows.shape[0] * n_keypoints
     pixels = np.empty((n_views, 2, BLOCK))
-    block_confidence = np.empty((n_views, BLOCK))
-    rows = np.empty((n_views, 12, BLOCK))
-    weights = np.empty((n_views, BLOCK))
-    accepted = np.empty((n_views, BLOCK))
     errors = np.empty((n_views, BLOCK))
     lens_codes = np.empty((n_views, BLOCK), np.int64)
     block_codes = np.empty((n_views, BLOCK), np.int64)
-    ranks = np.empty((n_views, BLOCK), np.int64)
-    pair, pair_weights = np.empty((2, 12, BLOCK)), np.empty((2, BLOCK))
-    scratch, best = np.empty((6, BLOCK)), np.empty((7, BLOCK))
-    sums = np.empty((CURVATURE + 6, BLOCK))
-    state = np.empty((STATE_ROWS, BLOCK))
-    lane_indices = np.empty((2, BLOCK), np.int64)
-    n_used = np.empty(BLOCK, np.int64)
-    n_agreeing = np.empty(BLOCK, np.int64)
-    lane_status = np.empty(BLOCK, np.int64)
-    point_codes = np.empty(BLOCK, np.int64)
-    bound, full, none = bound_sigma * bound_sigma, full_sigma * full_sigma, none_sigma * none_sigma
-    pending, n_pending = np.empty((2, total), np.int64), np.zeros(2, np.int64)
+    # Allocate here: the compiler must know the length of the last axis to use vector instructions.
+    workspace = Workspace(
+        lane_indices=np.empty((2, BLOCK), np.int64),
+        block_confidence=np.empty((n_views, BLOCK)),
+        rows=np.empty((n_views, 12, BLOCK)),
+        weights=np.empty((n_views, BLOCK)),
+        accepted=np.empty((n_views, BLOCK)),
+        ranks=np.empty((n_views, BLOCK), np.int64),
+        n_used=np.empty(BLOCK, np.int64),
+        n_agreeing=np.empty(BLOCK, np.int64),
+        lane_status=np.empty(BLOCK, np.int64),
+        point_codes=np.empty(BLOCK, np.int64),
+        pair=np.empty((2, 12, BLOCK)),
+        pair_weights=np.empty((2, BLOCK)),
+        hypothesis=np.empty((6, BLOCK)),
+        best=np.empty((7, BLOCK)),
+        sums=np.empty((CURVATURE + 6, BLOCK)),
+        state=np.empty((STATE_ROWS, BLOCK)),
+        pending=np.empty((2, total), np.int64),
+        n_pending=np.zeros(2, np.int64),
+    )
+    # Read fields before the loop: each access to an array of a record counts references.
+    block_confidence, rows, weights = workspace.block_confidence, workspace.rows, workspace.weights
+    lane_indices, state, sums = workspace.lane_indices, workspace.state, workspace.sums
+    accepted, ranks, n_used = workspace.accepted, workspace.ranks, workspace.n_used
+    point_codes, scratch, n_pending = workspace.point_codes, workspace.hypothesis, workspace.n_pending
+    points, covariance, status = out.points, out.covariance, out.status
+    bound, full = parameters.bound_sigma * parameters.bound_sigma, parameters.full_sigma * parameters.full_sigma
+    none = parameters.none_sigma * parameters.none_sigma
     # A literal 0 has its own type, for which the callee would be compiled a second time.
-    pending, n_pending, first = np.empty((2, total), np.int64), np.zeros(2, np.int64), np.int64(0)
+    first = np.int64(0)
     while first < total or n_pending[0] + n_pending[1] > 0:
-        mode, first = next_block(first, total, n_views, n_keypoints, early_limit, pending, n_pending, lane_indices)
+        mode, first = next_block(first, total, n_keypoints, early_limit, workspace)
         thorough = mode != QUICK
         load_block(
             keypoints_px,
@@ -256,40 +239,23 @@ def triangulate_consensus(
             block_codes,
         )
         for v in range(n_views):
-            rows_block(cameras, distorted, fisheye, v, pixels, lens_codes, rows, scratch)
+            rows_block(array, distorted, fisheye, v, pixels, lens_codes, rows, scratch)
         compute_weights(scale_px, exponent, block_confidence, lens_codes, block_codes, weights)
         if thorough:
             rank_views(block_confidence, weights, ranks, n_used)
-            limit = early_limit if mode == EARLY else 0
-            n_undecided = search_pairs(
-                rows, weights, ranks, n_used, pairs, required_tries, limit, bound, pair, pair_weights, scratch, best
-            )
-            postpone_undecided(n_undecided, lane_indices, n_keypoints, best, n_used, pending, n_pending)
-            _start_lanes(best, min_views, n_used, state, lane_status)
+            n_undecided = search_pairs(workspace, parameters, early_limit if mode == EARLY else 0, bound)
+            postpone_undecided(workspace, n_keypoints, n_undecided)
+            _start_lanes(workspace, min_views)
         else:
-            _start_from_all_views(rows, weights, min_views, sums, state, n_used, lane_status)
-        refine(rows, weights, thorough, full, none, n_used, sums, state, lane_status)
-        accept(rows, weights, state, none if thorough else full, accepted, n_agreeing)
+            _start_from_all_views(workspace, min_views)
+        refine(workspace, thorough, full, none)
+        accept(workspace, none if thorough else full)
         if not thorough:
-            postpone_contested(
-                lane_indices,
-                n_keypoints,
-                min_views,
-                early_limit,
-                n_used,
-                n_agreeing,
-                lane_status,
-                best,
-                pending,
-                n_pending,
-            )
-        _assign_point_codes(
-            rows, weights, accepted, best, bound, min_views, n_used, n_agreeing, state, lane_status, pair,
-            pair_weights, point_codes,
-        )  # fmt: skip
-        _compute_covariance(rows, accepted, thorough, sums, state, point_codes)
-        reproject_block(cameras, distorted, fisheye, pixels, state, errors)
+            postpone_contested(workspace, n_keypoints, min_views, early_limit)
+        _assign_point_codes(workspace, bound, min_views)
+        _compute_covariance(workspace, thorough)
+        reproject_block(array, distorted, fisheye, pixels, state, errors)
         fill_linearized_errors(rows, accepted, state, errors)
         _mark_outliers(accepted, point_codes, block_codes)
         store_points(state, sums, point_codes, lane_indices, points, covariance, status)
-        store_view_results(block_codes, errors, point_codes, lane_indices, view_codes, view_errors_px, mean_errors_px)
+        store_view_results(block_codes, errors, point_codes, lane_indices, out)

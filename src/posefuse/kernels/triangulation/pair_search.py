@@ -107,29 +107,22 @@ def _score(rows, weights, bound, hypothesis):
 
 
 @inline
-def search_pairs(
-    rows, weights, ranks, n_used, pairs, required_tries, early_limit, bound, pair, pair_weights, hypothesis, best
-):
+def search_pairs(workspace, parameters, early_limit, bound):
     """Find the two-view point with the best score in each lane.
 
     Args:
-        rows: shape (view, 12, BLOCK).
-        weights: shape (view, BLOCK).
-        ranks: views by rank, from :func:`rank_views`.
-        n_used: shape (BLOCK,), number of used views per lane.
-        pairs: shape (pair, 2), int64: ranks to combine, the most promising first.
-        required_tries: shape (view + 1, view + 1), int64: number of pairs after which no better point is expected, by
-            number of views and number of inliers.
+        workspace: a Workspace; ``best`` is written.
+        parameters: ConsensusParameters.
         early_limit: after this many pairs the search may stop with a few lanes undecided; 0 to disable.
         bound: cost of an outlier view, in squared sigmas.
-        pair: shape (2, 12, BLOCK), scratch.
-        pair_weights: shape (2, BLOCK), scratch.
-        hypothesis: shape (6, BLOCK), scratch.
-        best: shape (7, BLOCK), written: point, pairs tried, cost, number of inliers, pairs to try.
 
     Returns:
         Number of undecided lanes, for which more pairs should be tried.
     """
+    rows, weights, ranks, n_used = workspace.rows, workspace.weights, workspace.ranks, workspace.n_used
+    pair, pair_weights = workspace.pair, workspace.pair_weights
+    hypothesis, best = workspace.hypothesis, workspace.best
+    pairs, required_tries = parameters.pairs, parameters.required_tries
     for j in range(BLOCK):
         best[3, j] = 0.0
         best[4, j] = math.inf

@@ -130,21 +130,18 @@ def _determinant(xx, xy, xz, yy, yz, zz):
 
 
 @inline
-def refine(rows, weights, thorough, full, none, n_used, sums, state, lane_status):
-    """Refine the points in ``state`` of all lanes with status ACTIVE.
+def refine(workspace, thorough, full, none):
+    """Refine the points of all lanes with status ACTIVE.
 
     Args:
-        rows: shape (view, 12, BLOCK).
-        weights: shape (view, BLOCK).
+        workspace: a Workspace.
         thorough: if True, robust points, first with wider limits and then with the given ones; if False, points of all
             views, abandoned where the views cannot agree.
         full: a view within this many squared sigmas has full weight.
         none: a view beyond this many squared sigmas has weight 0.
-        n_used: shape (BLOCK,), number of used views per lane.
-        sums: shape (SUM_ROWS, BLOCK), scratch.
-        state: shape (STATE_ROWS, BLOCK).
-        lane_status: shape (BLOCK,).
     """
+    rows, weights, n_used = workspace.rows, workspace.weights, workspace.n_used
+    sums, state, lane_status = workspace.sums, workspace.state, workspace.lane_status
     first_iteration = 0 if thorough else _WIDE_ITERATIONS
     last_iteration = _WIDE_ITERATIONS + (MAX_ITERATIONS if thorough else _QUICK_ITERATIONS)
     # A single loop covers all phases, so that its body is compiled once.
@@ -172,17 +169,10 @@ def refine(rows, weights, thorough, full, none, n_used, sums, state, lane_status
 
 
 @inline
-def accept(rows, weights, state, none, accepted, n_agreeing):
-    """Select the inlier views of each lane.
-
-    Args:
-        rows: shape (view, 12, BLOCK).
-        weights: shape (view, BLOCK).
-        state: the points.
-        none: a view at or beyond this many squared sigmas is an outlier.
-        accepted: shape (view, BLOCK), written: the weights, 0 for outliers.
-        n_agreeing: shape (BLOCK,), int64, written: number of inliers.
-    """
+def accept(workspace, none):
+    """Select the inlier views of each lane; a view at or beyond ``none`` squared sigmas is an outlier."""
+    rows, weights, state = workspace.rows, workspace.weights, workspace.state
+    accepted, n_agreeing = workspace.accepted, workspace.n_agreeing
     for j in range(BLOCK):
         n_agreeing[j] = 0
     for v in range(weights.shape[0]):

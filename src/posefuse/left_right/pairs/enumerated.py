@@ -12,6 +12,8 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.kernels.left_right.pairs import solve_pairs
+from posefuse.kernels.left_right.records import PairParameters
+from posefuse.kernels.records import NoiseParameters
 from posefuse.kernels.triangulation.pair_order import ordered_pairs
 from posefuse.left_right.pairs.results import SolvedPairs
 from posefuse.model.cameras import CameraRig
@@ -21,7 +23,7 @@ from posefuse.model.options.pairs import PairOptions
 from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.tracks import Tracks
 from posefuse.triangulation.consensus import METHOD, reweighting_loss
-from posefuse.triangulation.results import rows_by_person_frame
+from posefuse.triangulation.results import observations_of
 
 
 def solve(
@@ -49,28 +51,26 @@ def solve(
     """
     chosen = options.consensus
     pair_table = np.ascontiguousarray(np.asarray(pairs, dtype=np.int64).reshape(-1, 2))
-    rows = rows_by_person_frame(tracks, detections)
+    observations = observations_of(tracks, detections)
     people = len(tracks.person_ids)
     before = np.full((people, len(pair_table), 2, 3), np.nan) if previous_m is None else previous_m
     previous = np.array(before, dtype=np.float64).reshape(people, len(pair_table), 6)
-    out = SolvedPairs.allocate(len(rows), len(pair_table), len(rig))
+    out = SolvedPairs.allocate(len(observations.detection_rows), len(pair_table), len(rig))
     solve_pairs(
-        *rig.packed,
-        frozen(detections.keypoints_px),
-        frozen(detections.confidence),
-        rows,
-        frozen(pair_table, np.int64),
-        noise.scale_px,
-        noise.exponent,
-        options.min_confidence,
-        options.min_views or METHOD.default_min_views,
-        ordered_pairs(len(rig)),
-        chosen.full_weight_sigma,
-        chosen.zero_weight_sigma,
-        (pair_options or PairOptions()).motion_sd_m,
+        rig.packed,
+        observations,
+        NoiseParameters(noise.scale_px, noise.exponent, options.min_confidence),
+        PairParameters(
+            frozen(pair_table, np.int64),
+            ordered_pairs(len(rig)),
+            options.min_views or METHOD.default_min_views,
+            chosen.full_weight_sigma,
+            chosen.zero_weight_sigma,
+            (pair_options or PairOptions()).motion_sd_m,
+        ),
         previous,
         np.empty((0, len(pair_table), 6)),
-        *out.arrays,
+        out.arrays,
     )
     if previous_m is not None:
         previous_m[:] = previous.reshape(previous_m.shape)

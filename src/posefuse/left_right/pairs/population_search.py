@@ -14,6 +14,8 @@ from posefuse.arrays import frozen
 from posefuse.kernels.cameras.lens import OK
 from posefuse.kernels.left_right.pairs import solve_pairs
 from posefuse.kernels.left_right.population_search import search_pairs
+from posefuse.kernels.left_right.records import PairParameters, PopulationSearch
+from posefuse.kernels.records import NoiseParameters
 from posefuse.kernels.triangulation.pair_order import ordered_pairs
 from posefuse.left_right.pairs.results import SolvedPairs
 from posefuse.model.cameras import CameraRig
@@ -23,7 +25,7 @@ from posefuse.model.options.pairs import PairOptions
 from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.status import PointStatus
 from posefuse.model.tracks import Tracks
-from posefuse.triangulation.results import rows_by_person_frame
+from posefuse.triangulation.results import observations_of
 
 _MM = 1000.0
 # Every ray belongs to a point, regardless of its distance.
@@ -52,44 +54,45 @@ def solve(
         pair_options: ``seed`` and ``sds`` are used.
     """
     pair_table = np.ascontiguousarray(np.asarray(pairs, dtype=np.int64).reshape(-1, 2))
-    rows = rows_by_person_frame(tracks, detections)
+    observations = observations_of(tracks, detections)
+    rows = observations.detection_rows
     directions = rays_of(rig, detections, rows, pair_table, options.min_confidence)
     pair_options = pair_options or PairOptions()
     terms = pair_options.sds
     couples = np.empty((directions.shape[0] * len(pair_table), 6))
     costs = np.empty(len(couples))
     search_pairs(
-        _MM * np.stack([camera.centre_m for camera in rig.cameras]),
+        _MM * np.stack([camera.center_m for camera in rig.cameras]),
         directions.reshape(len(couples), len(rig), 2, 3),
-        np.array([terms.separation_weight, terms.ray_weight, terms.equidistance_weight, terms.opposite_weight]),
-        terms.separation_mm,
-        terms.jitter_mm,
-        terms.tolerance_mm,
-        terms.max_iterations,
-        terms.agents,
-        pair_options.seed,
+        PopulationSearch(
+            np.array([terms.separation_weight, terms.ray_weight, terms.equidistance_weight, terms.opposite_weight]),
+            terms.separation_mm,
+            terms.jitter_mm,
+            terms.tolerance_mm,
+            terms.max_iterations,
+            terms.agents,
+            pair_options.seed,
+        ),
         int(detections.frame_numbers[0]) * len(tracks.person_ids) * len(pair_table),
         couples,
         costs,
     )
     out = SolvedPairs.allocate(len(rows), len(pair_table), len(rig))
     solve_pairs(
-        *rig.packed,
-        frozen(detections.keypoints_px),
-        frozen(detections.confidence),
-        rows,
-        frozen(pair_table, np.int64),
-        noise.scale_px,
-        noise.exponent,
-        options.min_confidence,
-        2,
-        ordered_pairs(len(rig)),
-        options.consensus.full_weight_sigma,
-        _MAX_RAY_DISTANCE_SIGMA,
-        np.inf,
+        rig.packed,
+        observations,
+        NoiseParameters(noise.scale_px, noise.exponent, options.min_confidence),
+        PairParameters(
+            frozen(pair_table, np.int64),
+            ordered_pairs(len(rig)),
+            2,
+            options.consensus.full_weight_sigma,
+            _MAX_RAY_DISTANCE_SIGMA,
+            np.inf,
+        ),
         np.full((len(tracks.person_ids), len(pair_table), 6), np.nan),
         couples.reshape(len(rows), len(pair_table), 6) / _MM,
-        *out.arrays,
+        out.arrays,
     )
     rays = np.isfinite(directions).all(axis=-1).sum(axis=(-1, -2))
     out.status[(rays > 0) & (rays < 4)] = PointStatus.TOO_FEW_VIEWS

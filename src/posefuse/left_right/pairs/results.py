@@ -5,6 +5,7 @@ from typing import Self
 
 import numpy as np
 
+from posefuse.kernels.left_right.records import PairPoints
 from posefuse.model.status import PointStatus
 from posefuse.model.tracks import Tracks, TrackState
 
@@ -57,9 +58,9 @@ class SolvedPairs:
         )
 
     @property
-    def arrays(self) -> tuple[np.ndarray, ...]:
-        """Return the arrays in the order in which kernels take them."""
-        return tuple(getattr(self, field.name) for field in fields(self))
+    def arrays(self) -> PairPoints:
+        """Return the arrays as kernels take them."""
+        return PairPoints(*(getattr(self, field.name) for field in fields(self)))
 
     def finish(self, tracks: Tracks) -> Self:
         """Return the result; points of absent people have the status absent."""

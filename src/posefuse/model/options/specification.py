@@ -15,13 +15,13 @@ class SpecificationOptions:
     """Weights and thresholds of the strategy `specification`.
 
     Attributes:
-        score_memory_s: Time constant with which scores fade, in seconds: lambda_s = exp(-dt / score_memory_s).
+        score_memory_s: Time constant of the decay of scores, in seconds: lambda_s = exp(-dt / score_memory_s).
         pairs_weight: Weight of a pair of views in the tentative score (a1).
         views_weight: Weight of a view in the tentative score (a2).
         error_weight: Penalty per standard deviation of reprojection error in the tentative score (a3).
         bones_weight: Penalty on the coefficient of variation of bone lengths in the tentative score (a4).
         missing_weight: Penalty for a frame without an observation in the tentative score (a5).
-        promote_score: Tentative score from which a track is confirmed (tau_promote).
+        promote_score: Minimum tentative score for confirmation (tau_promote).
         active_views_weight: Weight of a view in the score of a confirmed track (b1).
         active_joints_weight: Weight of the share of observed keypoints in the score of a confirmed track (b2).
         active_error_weight: Penalty per standard deviation of reprojection error for a confirmed track (b3).
@@ -30,12 +30,12 @@ class SpecificationOptions:
         noise_memory_s: Time constant of the noise estimates, in seconds: lambda_sigma = exp(-dt / noise_memory_s).
         noise_gain: Weight of a squared residual in the noise estimate (kappa).
         max_residual_sigma: Upper limit of a residual in the noise estimate (r_max).
-        min_noise: Smallest noise estimate, relative to the noise model (sigma_min).
-        max_noise: Largest noise estimate, relative to the noise model (sigma_max).
+        min_noise: Lower limit of the noise estimate, relative to the noise model (sigma_min).
+        max_noise: Upper limit of the noise estimate, relative to the noise model (sigma_max).
         match_gate: Mean squared normalized distance of keypoints below which a detection can match a track.
         id_bonus: Reduction of the matching cost for an unchanged 2D track identity (lambda_id).
-        tau_root_m: Unit of the distance between pelvises of two proposals, in meters (tau_r).
-        tau_core_m: Unit of the distance between core keypoints relative to the pelvis, in meters (tau_Z).
+        tau_root_m: Scale of the distance between the pelvises of two proposals, in meters (tau_r).
+        tau_core_m: Scale of the distance between core keypoints relative to the pelvis, in meters (tau_Z).
         core_weight: Weight of a core keypoint relative to the pelvis (lambda_Z).
         cluster_gate: Distance below which proposals are merged, and continue a tentative track.
         reacquire_gate: Distance from a lost track's prediction below which a proposal continues it (tau_reacq).

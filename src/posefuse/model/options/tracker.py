@@ -27,7 +27,7 @@ StrategyName = Literal["posefuse", "specification"]
 
 STRATEGIES: dict[StrategyName, str] = {
     "posefuse": "log odds, tempered noise model, propagated covariance as prior",
-    "specification": "the specification's own scores, noise recursion, prior and distance of proposals; causal",
+    "specification": "the specification's own scores, noise recursion, prior and proposal distance; causal",
 }
 """Strategies of the tracker with their line of help; one file each under ``tracking/strategies``."""
 
@@ -40,31 +40,33 @@ class TrackerOptions:
     """Tracking of several people.
 
     Attributes:
-        strategy: Scores, noise model, prior and distance of proposals: "posefuse" or "specification". The latter
-            discards covariances from frame to frame, so that its results cannot be smoothed.
-        iterations: Largest number of Gauss-Newton steps per frame.
+        strategy: Strategy for scores, noise model, prior and proposal distance: "posefuse" or "specification". The
+            latter does not propagate covariances, so its results cannot be smoothed.
+        iterations: Maximum number of Gauss-Newton steps per frame.
         nu: Degrees of freedom of the Student's t distribution of detection errors.
-        gate: Largest squared innovation of a keypoint, in its own covariance, that the update uses (tau_joint).
+        gate: Maximum squared innovation of a keypoint, normalized by its covariance, for the keypoint to be used in the
+            update (tau_joint).
         model_floor_m: Systematic offset between a model joint and the detector's keypoint, in meters.
         error_memory_s: Correlation time of detection errors for five views and 20 frames per second, in seconds. Fewer
             views or frames lengthen it.
         limit_sigma: Standard deviation of the overshoot of a joint limit, as a sine or cosine.
-        clutter_m: Side of the square around a person within which a wrong detection's keypoints are equally likely, in
-            meters.
-        match_evidence: Evidence, in nats, that a detection needs to be assigned to a person.
+        clutter_m: Side length of the square around a person over which the keypoints of a wrong detection are uniformly
+            distributed, in meters.
+        match_evidence: Minimum evidence for assigning a detection to a person, in nats.
         keypoint_evidence: Lower limit of the evidence of a single keypoint, in nats.
-        independent_keypoints: Number of independent keypoints to which the evidence of all keypoints is limited.
+        independent_keypoints: Maximum number of keypoints that count as independent evidence.
         id_evidence: Evidence, in nats, of an unchanged 2D track identity (lambda_id).
-        swap_log_odds: Log odds of a left/right swap of a limb without further information.
+        swap_log_odds: Prior log odds of a left/right swap of a limb.
         swap_duration_s: Mean duration of a left/right swap, in seconds.
         min_joints: Minimum number of used keypoints for a view to support a person.
         lost_after_s: Time without support after which a track is lost (M_lost), in seconds.
         single_view_after_s: Time in a single view after which a track is re-localized from the other views, in seconds.
         lost_log_odds: Log odds of presence below which a track is lost (tau_lost).
         max_log_odds: Upper limit of the log odds of presence.
-        evidence_time_s: Time over which detections and missing detections count fully, in seconds.
+        evidence_time_s: Time over which detections, or missing detections, add up to one independent observation, in
+            seconds.
         detection_share: Probability that a view that should show a person does so.
-        false_share: Probability of a detection close to a person who is not there.
+        false_share: Probability of a false detection at the position of an absent person.
         reacquire_views: Number of views that must show a lost track to re-acquire it (V_reacq).
         terminate_after_s: Time after which a lost track is terminated (A_delete), in seconds.
         terminate_beyond_m: Position uncertainty above which a lost track is terminated, in meters (tau_P, on the
@@ -76,26 +78,25 @@ class TrackerOptions:
         known_m: Measured bone lengths as name=meters, such as left_knee=0.43 for the bone that ends there; both sides
             share one length. The names are those of `pose_length` in a result.
         known_sd_m: Standard deviation of the measured bone lengths, in meters.
-        max_people: Largest number of people tracked at a time.
-        population: Number of individuals if none enters or leaves, as animals in an arena. Once all of them were
-            tracked, a new person is always a lost one. None if the number is unknown.
-        smoother: Later frames that refine earlier ones: "none", "lag" (those of the next ``lag_s``) or "full" (all).
+        max_people: Maximum number of people tracked at a time.
+        population: Number of individuals if none enters or leaves, such as animals in an arena. Once all of them were
+            confirmed, every new person is re-identified as a lost one. None if the number is unknown.
+        smoother: Later frames used to refine earlier ones: "none", "lag" (those of the next ``lag_s``) or "full" (all).
         lag_s: Lag of the fixed-lag smoother, in seconds.
-        look_ahead_s: Length of the interval after each block of frames that the full smoother also takes into account,
-            in seconds.
-        smoother_error_memory_s: Correlation time of detection errors for the smoother, and for the filter after a
-            single view showed a person for ``single_view_after_s``, in seconds.
-        smoother_independent_share: Share of each frame's information that the smoother treats as independent.
-        bridge_s: Longest time lost through which a track is smoothed, in seconds.
+        look_ahead_s: Time after each block of frames that the full smoother includes, in seconds.
+        smoother_error_memory_s: Correlation time of detection errors for the smoother, and for the filter once only a
+            single view has shown a person for ``single_view_after_s``, in seconds.
+        smoother_independent_share: Fraction of each frame's information that the smoother treats as independent.
+        bridge_s: Maximum duration of a loss across which a track is smoothed, in seconds.
         initiation: Conditions under which a proposal becomes a track.
         lifecycle: Rules for expected and missing detections.
         fast_motion: Search for people who moved farther than predicted.
-        single_view: Priors for people whom a single view shows.
+        single_view: Priors for people seen by a single view.
         camera_monitor: Detection of moved and silent cameras.
         identity_audit: Comparison of bone lengths after close contact.
         reinitialization: Reinitialization of limbs and directions.
         partial_detections: Merging of partial detections.
-        reidentification: Decision whether a new person is a lost one.
+        reidentification: Re-identification of lost people.
         motion: Motion model of bodies.
         parts: Tracking of hands and faces.
         specification: Options of the strategy `specification`.

@@ -26,14 +26,14 @@ class MotionOptions:
     """Motion model of bodies.
 
     Attributes:
-        root_decay_s: Time constant with which the trunk's velocity fades, in seconds.
+        root_decay_s: Time constant of the decay of the trunk's velocity, in seconds.
         root_acceleration: Spectral density of the trunk's acceleration, in m^2/s^3.
-        turn_decay_s: Time constant with which turns of trunk, head and feet fade, in seconds.
+        turn_decay_s: Time constant of the decay of the angular velocity of trunk, head and feet, in seconds.
         turn_acceleration: Spectral density of angular acceleration of trunk, head and feet, in rad^2/s^3.
-        limb_decay_s: Time constant with which turns of limbs fade, in seconds.
+        limb_decay_s: Time constant of the decay of the angular velocity of limbs, in seconds.
         limb_acceleration: Spectral density of angular acceleration of limbs, in rad^2/s^3.
-        shape_walk: Variance by which bone lengths drift, in m^2/s.
-        top_speed_m_s: Highest speed of a person, in m/s; it limits where a lost person can be found again.
+        shape_walk: Variance per second of the random walk of bone lengths, in m^2/s.
+        top_speed_m_s: Maximum speed of a person, in m/s; it limits where a lost person is re-acquired or re-identified.
     """
 
     root_decay_s: float = option(0.6, above=0.0)
@@ -77,15 +77,15 @@ class PartOptions:
         error_memory_s: Correlation time of detection errors, for the filter, in seconds.
         smoother_error_memory_s: Correlation time of detection errors, for the smoother, in seconds.
         smoother_independent_share: Share of each frame's information that the smoother treats as independent.
-        turn_decay_s: Time constant with which turns of palms, faces and jaws fade, in seconds.
+        turn_decay_s: Time constant of the decay of the angular velocity of palms, faces and jaws, in seconds.
         turn_acceleration: Spectral density of angular acceleration of palms, faces and jaws, in rad^2/s^3.
-        limb_decay_s: Time constant with which turns of fingers fade, in seconds.
+        limb_decay_s: Time constant of the decay of the angular velocity of fingers, in seconds.
         limb_acceleration: Spectral density of angular acceleration of fingers, in rad^2/s^3.
-        anchor_sd_m: Standard deviation of the distance between a part's root and where the body has it, in meters.
+        anchor_sd_m: Standard deviation of the distance between a part's root and its position on the body, in meters.
         anchor_sd_deg: Standard deviation of the angle between a part and its orientation on the body, in degrees.
         anchor_memory_s: Correlation time of the body's errors at the anchor, in seconds.
         initiate_share: Share of a part's points that two views must show before the part is tracked.
-        initiate_within_m: Largest distance of a part from its anchor when its track begins, in meters.
+        initiate_within_m: Maximum distance of a part from its anchor when its track begins, in meters.
         swap_margin_m: Distance by which two hands must be closer to each other's wrists before they are swapped, in
             meters.
     """

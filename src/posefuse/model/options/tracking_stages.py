@@ -14,18 +14,19 @@ class InitiationOptions:
 
     Attributes:
         min_age_s: Age at which a tentative track can be confirmed (A_min), in seconds.
-        min_age_two_views_s: Age at which a tentative track that two views show can be confirmed, in seconds.
-        two_views_log_odds: With the strategy `posefuse`, log odds that the views must accumulate before a track that
-            two views show is confirmed; without contradicting views this takes 1 s.
-        hit_share: Share of its frames that must show a tentative track (K of L).
-        min_views: Average number of views that must show a tentative track (V_min).
-        max_error_sigma: Largest median reprojection error of a tentative track (tau_repr).
-        max_bone_variation: Largest variation of bone lengths, as a share of the length and without noise (tau_len).
-        promote_log_odds: Log odds of all its proposals that a tentative track needs (tau_promote).
+        min_age_two_views_s: Age at which a tentative track seen in only two views can be confirmed, in seconds.
+        two_views_log_odds: With the strategy `posefuse`, log odds that the views must accumulate before a track seen
+            in only two views is confirmed; without contradicting views this takes 1 s.
+        hit_share: Minimum share of the frames of a tentative track that show it (K of L).
+        min_views: Minimum average number of views that show a tentative track (V_min).
+        max_error_sigma: Maximum median reprojection error of a tentative track (tau_repr).
+        max_bone_variation: Maximum variation of bone lengths after subtracting the noise, as a share of the length
+            (tau_len).
+        promote_log_odds: Minimum total log odds of a tentative track's proposals for confirmation (tau_promote).
         max_age_s: Age at which an unconfirmed tentative track is dropped (A_tent_max), in seconds.
         max_missing_s: Time without a proposal after which a tentative track is dropped (M_tent), in seconds.
-        gate_m: Distance within which a proposal continues a tentative track, in meters; ``motion.top_speed_m_s`` adds
-            to it.
+        gate_m: Maximum distance of a proposal that continues a tentative track, in meters, plus
+            ``motion.top_speed_m_s`` times the elapsed time.
         apart_m: Mean keypoint distance below which a proposal shows a person who is already tracked, in meters.
     """
 
@@ -52,9 +53,9 @@ class FastMotionOptions:
 
     Attributes:
         enabled: Whether to search the unassigned detections for people who moved farther than predicted.
-        acceleration_factor: Factor on the spectral densities of acceleration while a person moves fast.
+        acceleration_factor: Factor for the spectral densities of acceleration while a person moves fast.
         onset_s: Duration of a fast motion before the frame that shows it, in seconds.
-        swap_log_odds: Log odds that left and right of a re-assigned detection are as its proposal has them.
+        swap_log_odds: Log odds that the left/right labels of a reassigned detection are those of its proposal.
     """
 
     enabled: bool = True
@@ -68,13 +69,15 @@ class FastMotionOptions:
 
 @dataclass(frozen=True)
 class SingleViewOptions:
-    """Priors on posture and height for people whom a single view shows.
+    """Priors on posture and height for people seen by a single view.
 
     Attributes:
-        enabled: Whether posture and height from several views constrain a person whom a single view shows.
+        enabled: Whether posture and height estimated from several views constrain a person seen by a single view.
         history_s: Time constant of the averages of posture and height, in seconds.
-        min_history_s: Time for which several views must have shown a person before the priors apply, in seconds.
-        lean_sd: Standard deviation of a lean beyond its recent variation, as a cosine or in radians.
+        min_history_s: Minimum time for which several views must have shown a person before the priors apply, in
+            seconds.
+        lean_sd: Standard deviation of the trunk's inclination and of the bones' angles to the trunk, in addition to
+            their recent variation, as a cosine or in radians.
         height_sd_m: Standard deviation of the lowest point's height in addition to its recent variation, in meters.
         correlation_s: Correlation time of the deviations from the priors, in seconds.
     """
@@ -97,10 +100,11 @@ class CameraMonitorOptions:
     Attributes:
         enabled: Whether to reject cameras that contradict the others, and to report silent cameras.
         window_s: Time constant of the statistics of each camera, in seconds.
-        min_expected_s: Person-seconds that a camera should have shown before it is judged.
+        min_expected_s: Minimum number of person-seconds that a camera should have shown before it is evaluated.
         reject_below_share: Share of the expected people below which a camera is rejected.
-        restore_above_share: Share of expected people that a rejected camera must show to be used again.
-        min_unexplained_share: Unassigned detections, as a share of expected people, needed to reject a camera.
+        restore_above_share: Share of the expected people above which a rejected camera is used again.
+        min_unexplained_share: Minimum number of unassigned detections, as a share of expected people, for rejecting a
+            camera.
         silent_after_s: Time without frames, or without a detection of any expected person, after which a camera is
             silent, in seconds.
         back_after_s: Time for which a silent camera must deliver data again before it is reported as back, in seconds.
@@ -124,16 +128,16 @@ class IdentityAuditOptions:
     """Comparison of bone lengths after two people were too close to be distinguished.
 
     Attributes:
-        enabled: Whether to compare bone lengths after two people separate, and to swap identities where they disagree.
+        enabled: Whether to compare bone lengths after two people separate, and to swap identities if they disagree.
         near_m: Distance below which two people can be confused, in meters.
         apart_m: Distance above which two people are separated again, in meters.
-        min_merged_s: Time for which most views must have shown only one of the two, in seconds.
+        min_merged_s: Minimum time for which most views must have shown only one of the two people, in seconds.
         observe_s: Time over which the separated people are observed before the comparison, in seconds.
-        max_observe_s: Latest time after the separation at which the comparison takes place, in seconds.
+        max_observe_s: Maximum time from the separation to the comparison, in seconds.
         frames: Number of frames to which each body is fitted.
-        min_frames: Fewest frames that allow a comparison; with fewer the identities are reported as uncertain.
-        min_interval_s: Shortest time between two frames of a comparison, in seconds.
-        min_log_odds: Log odds needed to confirm or to swap the identities.
+        min_frames: Minimum number of frames for a comparison; with fewer, a possible identity switch is reported.
+        min_interval_s: Minimum time between two frames of a comparison, in seconds.
+        min_log_odds: Minimum log odds for confirming or swapping the identities.
     """
 
     enabled: bool = True
@@ -175,7 +179,7 @@ class PartialDetectionOptions:
 
     Attributes:
         enabled: Whether to merge partial detections of one person in one view.
-        max_common_share: Largest share of the smaller detection's keypoints that both detections may have.
+        max_common_share: Maximum share of the smaller detection's keypoints that both detections may have.
     """
 
     enabled: bool = True
@@ -187,17 +191,18 @@ class PartialDetectionOptions:
 
 @dataclass(frozen=True)
 class ReidentificationOptions:
-    """Decision whether a new person is one whose track was lost.
+    """Re-identification of new people as lost ones.
 
     Attributes:
-        min_log_odds: Log odds above which a new person takes over a lost track.
+        min_log_odds: Minimum log odds at which a new person is re-identified as a lost one.
         ambiguity_log_odds: Difference of log odds below which another lost track is reported as equally likely.
-        corrupt_share: Probability that an observation of bone lengths is useless.
+        corrupt_share: Probability that an observation of bone lengths is an outlier.
         length_sd_share: Standard deviation of a bone length between two observations, as a share of the length.
         length_sd_m: Constant part of the standard deviation of a bone length between two observations.
-        reach_m: Distance that a lost person covers at once, in meters; ``motion.top_speed_m_s`` adds to it.
+        reach_m: Distance that a lost person can move immediately, in meters, plus ``motion.top_speed_m_s`` times the
+            elapsed time.
         room_m: Width of the region in which a new person appears with equal probability, in meters.
-        trunk_sd_m: Standard deviation of the position of a trunk that is hardly visible, in meters.
+        trunk_sd_m: Standard deviation of the position of a barely visible trunk, in meters.
         min_absence_share: Minimum time without support for a track that is not lost to be considered, as a share of the
             time for which the new person was visible.
     """
@@ -224,9 +229,10 @@ class LifecycleOptions:
         visible_share: Share of the core keypoints that must be inside an image for its view to be expected to show the
             person.
         occluded_share: Share of the core keypoints inside another detection's box above which a person is occluded.
-        max_missing_views: Number of detecting views that all missing views together outweigh at most.
-        explained_evidence: Evidence, in nats, above which a detection belongs to some tracked person.
-        outside_margin_m: Distance beside an image within which a person still counts as inside it, in meters.
+        max_missing_views: Maximum total effect of the views that miss a person while another view shows them, as a
+            number of views.
+        explained_evidence: Minimum evidence at which a tracked person explains a detection, in nats.
+        outside_margin_m: Margin around an image within which a person counts as inside it, in meters.
     """
 
     visible_share: float = option(0.5, above=0.0, at_most=1.0)

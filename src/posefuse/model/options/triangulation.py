@@ -68,8 +68,8 @@ class PercentileFilterOptions:
     """Options of the method percentile_filter.
 
     Attributes:
-        percentile: Percentile of a view's reprojection errors over the recording above which an error is too large.
-        threshold_px: Reprojection error above which an error is too large, instead of the percentile.
+        percentile: Percentile of the views' reprojection errors over the recording that becomes the threshold.
+        threshold_px: Threshold for reprojection errors, instead of the percentile.
     """
 
     percentile: float = option(90.0, at_least=0.0, at_most=100.0)

@@ -1,5 +1,4 @@
   // The 3D scene: decoding of points, free view and camera views, and drawing of one frame.
-  const { scene, charts, heatMap, series, swaps, tracks } = JSON.parse(document.getElementById("data").textContent);
   const element = (id) => document.getElementById(id);
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from posefuse.arrays import frozen
+from posefuse.kernels.records import Detections
 from posefuse.kernels.tracking.frame_statistics import add_identity_scores
 from posefuse.kernels.tracking.matching import score_detections
-from posefuse.kernels.tracking.records import State
+from posefuse.kernels.tracking.records import DetectionScores, MatchParameters, State
 from posefuse.model.frames import Frame
 from posefuse.tracking.body_states import ProjectedBodies
 from posefuse.tracking.records import Observation, RecentHistory, TentativeTrack, Track
@@ -70,9 +71,9 @@ class LogOddsScore:
         shape = (n, len(frame.view), s.n_groups)
         swapped, odds = np.zeros(shape, dtype=np.int8), np.empty(shape)
         score_detections(
-            projected.pixels, projected.pixel_covariance_px2, projected.px_per_m, frame.keypoints_px, frame.confidence,
-            frame.view, s.skeleton.mirror, s.group_of, s.n_groups, s.law, recent.swapped,
-            o.clutter_m, o.keypoint_evidence, o.independent_keypoints, scores, swapped, odds,
+            projected.arrays, Detections(frame.keypoints_px, frame.confidence, frame.view), s.sides, s.law,
+            recent.swapped, MatchParameters(o.clutter_m, o.keypoint_evidence, o.independent_keypoints),
+            DetectionScores(scores, swapped, odds),
         )  # fmt: skip
         explained = np.empty(len(frame.view), dtype=bool)
         track_ids, least = frozen(frame.track_ids, np.int64), o.lifecycle.explained_evidence

@@ -141,7 +141,7 @@ def _log_world(recording: Any, result: Reconstruction) -> None:
 
 
 def _frustum_m(cameras: Sequence[Camera]) -> float:
-    centers = np.array([camera.centre_m for camera in cameras])
+    centers = np.array([camera.center_m for camera in cameras])
     return 0.15 * float(np.median(np.linalg.norm(centers - np.median(centers, axis=0), axis=-1))) or 0.3
 
 
@@ -154,7 +154,7 @@ def _field_m(camera: Camera, depth_m: float) -> np.ndarray:
     border = np.concatenate([a + along[:, None] * (b - a) for a, b in zip(corners, ends, strict=True)])
     rays, _ = camera.rays(np.concatenate([border, border[:1]]))
     rays = rays[np.isfinite(rays).all(axis=-1)]
-    return camera.centre_m + depth_m * rays @ camera.rotation
+    return camera.center_m + depth_m * rays @ camera.rotation
 
 
 def _log_video(recording: Any, name: str, video: ViewerVideo, frame_times: FrameTimes) -> None:

@@ -37,7 +37,7 @@ def test_points_of_all_cameras_come_from_one_file(tmp_path):
 @pytest.mark.parametrize(
     "row", ["4,0,4,1.0,7,12.5", "4,0,4,1.0,7,12.5,x,,", "nan,0,4,1,7,2,2", "2.5,0,4,1,7,2,2", "4,0,4,1,-1,2,2"]
 )
-def test_a_truncated_line_is_reported(row, tmp_path):
+def test_truncated_line_is_reported(row, tmp_path):
     file = tmp_path / "xy.csv"
     write(file, [(3, 0, 3, 1.0, 0, 1, 2)])
     file.write_text(file.read_text() + row)
@@ -45,7 +45,7 @@ def test_a_truncated_line_is_reported(row, tmp_path):
         posefuse.read_detections(file)
 
 
-def test_an_empty_or_second_file_is_an_error(tmp_path):
+def test_empty_or_second_file_is_an_error(tmp_path):
     write(tmp_path / "xy_A.csv", [])
     with pytest.raises(FileError, match="contains no points"):
         posefuse.read_detections(tmp_path)
@@ -55,7 +55,7 @@ def test_an_empty_or_second_file_is_an_error(tmp_path):
 
 
 @pytest.mark.parametrize("objects", [(0, 1), (4, 4)])
-def test_objects_are_people(objects, tmp_path):
+def test_object_ids_are_track_ids(objects, tmp_path):
     header = HEADER.replace("port", "cam_id").replace("point_id", "object_id,keypoint_id")
     rows = [
         (f, c, f, 0.04 * f, o, k, 100 * place + k, c)
@@ -65,9 +65,9 @@ def test_objects_are_people(objects, tmp_path):
         for k in range(9)
     ]
     write(tmp_path / "xy_POSE.csv", rows, header)
-    found = posefuse.read_detections(tmp_path)
-    assert (found.people_counts == len(set(objects))).all()
-    assert set(np.asarray(found.track_ids).tolist()) == ({0, 1} if len(set(objects)) == 2 else {-1})
+    detections = posefuse.read_detections(tmp_path)
+    assert (detections.people_counts == len(set(objects))).all()
+    assert set(np.asarray(detections.track_ids).tolist()) == ({0, 1} if len(set(objects)) == 2 else {-1})
     np.testing.assert_array_equal(
-        np.asarray(found.keypoints_px)[-1, :9, 0], 100 * (len(set(objects)) - 1) + np.arange(9)
+        np.asarray(detections.keypoints_px)[-1, :9, 0], 100 * (len(set(objects)) - 1) + np.arange(9)
     )

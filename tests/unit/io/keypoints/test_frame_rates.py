@@ -34,7 +34,7 @@ def folder(tmp_path):
         ("recording_parameters.json", PARAMETERS, 24.0),
     ],
 )
-def test_settings_beside_the_keypoints(folder, name, text, rate_hz):
+def test_rate_is_read_from_settings_beside_the_keypoints(folder, name, text, rate_hz):
     (folder / name).write_text(text)
     detections = read_keypoints(folder / "pose", Request())
     assert detections.rate_hz == rate_hz
@@ -42,14 +42,14 @@ def test_settings_beside_the_keypoints(folder, name, text, rate_hz):
     assert f"Frame rate {rate_hz:g} Hz read from {name}." in detections.notes
 
 
-def test_a_requested_rate_comes_first(folder):
+def test_requested_rate_takes_precedence(folder):
     (folder / "sessionMetadata.yaml").write_text(SESSION)
     detections = read_keypoints(folder / "pose", Request(rate_hz=30.0))
     assert detections.rate_hz == 30.0
     assert not any("read from" in note for note in detections.notes)
 
 
-def test_videos_beside_the_keypoints(folder):
+def test_rate_is_read_from_videos_beside_the_keypoints(folder):
     (folder / "videos").mkdir()
     for name in ("cam_0.mp4", "cam_1.mp4"):
         coded_video(folder / "videos" / name, 3, 25.0)

@@ -10,8 +10,8 @@ from posefuse.errors import DetectionsError, FileError
 from posefuse.io.keypoints import replay
 from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
+from tests.example_detections import example_detections
 from tests.keypoint_files import WRITERS
-from tests.unit.io.keypoints.test_keypoint_formats import some
 
 
 def written(tmp_path):
@@ -20,34 +20,34 @@ def written(tmp_path):
     return scene.detections, tmp_path / "replay.jsonl"
 
 
-def test_ranges_in_any_order_equal_the_whole(tmp_path):
-    given, path = written(tmp_path)
+def test_ranges_in_any_order_equal_the_whole_file(tmp_path):
+    original, path = written(tmp_path)
     lines = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(b"".join([lines[0], *reversed(lines[1:])]))
-    found = posefuse.read_detections(path)
-    for start, stop in ((20, 30), (0, 5), (3, 4), (7, 7), (0, given.n_frames)):
-        assert found.frames(start, stop) == given.frames(start, stop)
+    detections = posefuse.read_detections(path)
+    for start, stop in ((20, 30), (0, 5), (3, 4), (7, 7), (0, original.n_frames)):
+        assert detections.frames(start, stop) == original.frames(start, stop)
     rows = np.array([17, 3, -1, 40])
-    np.testing.assert_array_equal(found.keypoints_px[rows], np.asarray(given.keypoints_px)[rows])
-    np.testing.assert_array_equal(found.confidence[5:9], np.asarray(given.confidence)[5:9])
+    np.testing.assert_array_equal(detections.keypoints_px[rows], np.asarray(original.keypoints_px)[rows])
+    np.testing.assert_array_equal(detections.confidence[5:9], np.asarray(original.confidence)[5:9])
 
 
 def test_returned_arrays_are_copies(tmp_path):
     _, path = written(tmp_path)
-    found = posefuse.read_detections(path)
-    found.keypoints_px[0:10][:] = 0.0
-    assert not (found.keypoints_px[0:10] == 0.0).any()
+    detections = posefuse.read_detections(path)
+    detections.keypoints_px[0:10][:] = 0.0
+    assert not (detections.keypoints_px[0:10] == 0.0).any()
 
 
 @pytest.mark.parametrize("name", ["replay_lines", "payload_lines", "payload_arrays"])
-def test_a_file_that_changes_while_it_is_read(name, tmp_path):
-    path = WRITERS[name](some(), tmp_path)
+def test_file_that_changes_while_it_is_read_is_an_error(name, tmp_path):
+    path = WRITERS[name](example_detections(), tmp_path)
     file = next(iter(sorted(path.iterdir()))) if path.is_dir() else path
-    found = posefuse.read_detections(path, "coco_17")
-    found.frames(0, 1)
+    detections = posefuse.read_detections(path, "coco_17")
+    detections.frames(0, 1)
     file.write_bytes(b" " * file.stat().st_size)
     with pytest.raises(FileError, match=file.name):
-        found.frames(0, found.n_frames)
+        detections.frames(0, detections.n_frames)
 
 
 @pytest.mark.parametrize(("number", "words"), [("1e400", "out of range|infinite"), ("-3", "must be positive")])

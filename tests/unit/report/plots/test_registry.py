@@ -12,19 +12,19 @@ from posefuse.errors import OptionsError, SkeletonError
 from posefuse.io.results import netcdf
 from posefuse.report.plots.data import gather_plot_data
 from posefuse.report.plots.registry import PLOT_NAMES, PLOTS, draw_plot
-from tests.people import crowd, followed, without_people
+from tests.people import simulate_walkers, track_perfectly, without_people
 
 HOSTILE = "<b>$x_1$ & co"
 
 
 @pytest.fixture(scope="module")
 def scene():
-    return crowd(people=2, seconds=1.0)
+    return simulate_walkers(people=2, seconds=1.0)
 
 
 @pytest.fixture(scope="module")
 def result(scene):
-    whole = followed(scene)
+    whole = track_perfectly(scene)
     first, *others = whole.rig.cameras
     return replace(whole, rig=replace(whole.rig, cameras=(replace(first, name=HOSTILE), *others)))
 

@@ -25,11 +25,11 @@ def result():
 
 def contents(path) -> dict[str, dict[str, list]]:
     """Entity to column to its rows, as rerun's own reader gives them."""
-    found: dict[str, dict[str, list]] = {}
+    actual: dict[str, dict[str, list]] = {}
     for chunk in chunks.RrdReader(str(path)).store().stream().to_chunks():
         columns = chunk.to_record_batch().to_pydict()
-        found.setdefault(chunk.entity_path, {}).update(columns)
-    return found
+        actual.setdefault(chunk.entity_path, {}).update(columns)
+    return actual
 
 
 @pytest.fixture(scope="module")
@@ -63,14 +63,14 @@ def test_cameras_have_their_poses_and_reprojections(saved):
     result, scene, _ = saved
     camera = result.rig.cameras[1]
     rows = scene["/world/cameras/cam1"]
-    assert np.array(rows["Transform3D:translation"][0]).ravel() == pytest.approx(camera.centre_m, abs=1e-5)
+    assert np.array(rows["Transform3D:translation"][0]).ravel() == pytest.approx(camera.center_m, abs=1e-5)
     assert np.array(rows["Pinhole:resolution"][0]).ravel().tolist() == list(camera.size_px)
     pixels = camera.project(np.asarray(result.layers["measured"].points_m))[0]
     drawn = scene["/world/cameras/cam1/reprojected/measured/person_2"]["Points2D:positions"]
     assert np.array(drawn[7]) == pytest.approx(pixels[7, 1], abs=1e-3)
     field = np.array(scene["/world/fields/cam1"]["LineStrips3D:strips"][0][0])
-    seen = camera.project(field)[0]
-    to_border = np.abs(np.concatenate([seen, seen - np.array(camera.size_px) + 1], axis=1)).min(axis=1)
+    observed = camera.project(field)[0]
+    to_border = np.abs(np.concatenate([observed, observed - np.array(camera.size_px) + 1], axis=1)).min(axis=1)
     assert len(field) > 60
     assert to_border.max() < 0.1
 

@@ -1,0 +1,186 @@
+"""The report page in a browser: loading, playback, navigation, printing."""
+
+import re
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posefuse.report.html import render_report
+from tests.people import simulate_walkers, track_perfectly
+
+BROWSER = next(
+    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
+)
+HOSTILE = '<img src=x onerror="window.ran=1">'
+
+
+@pytest.fixture(scope="module")
+def browser():
+    if BROWSER is None:
+        pytest.skip("no chromium, chromium-browser or google-chrome on PATH to open the report in")
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    with playwright.sync_playwright() as driver:
+        # Containers may lack the privileges that the sandbox requires.
+        opened = driver.chromium.launch(executable_path=BROWSER, args=["--no-sandbox", "--disable-gpu"])
+        yield opened
+        opened.close()
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    """Report of two people with names that contain HTML."""
+    result = track_perfectly(simulate_walkers(people=2, seconds=4.0))
+    first, *others = result.rig.cameras
+    rig = replace(result.rig, cameras=(replace(first, name=HOSTILE), *others))
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    path.write_text(render_report(replace(result, rig=rig)), "utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def opened(browser, file):
+    """The page and a list of its problems: errors, warnings, network requests."""
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    problems: list[str] = []
+    page.on("console", lambda message: problems.append(message.text) if message.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.on("request", lambda request: problems.append(request.url) if not request.url.startswith("file:") else None)
+    page.goto(file.as_uri())
+    page.wait_for_function("document.querySelector('#gaps .cursor') && document.querySelector('#canvas').width > 300")
+    return page, problems
+
+
+@pytest.fixture
+def page(opened):
+    """The page at its first frame in the free view."""
+    page, _ = opened
+    page.select_option("#view", "-1")
+    page.locator("#canvas").focus()
+    page.keyboard.press("Home")
+    canvas_hash(page)
+    return page
+
+
+def canvas_hash(page) -> int:
+    """Return a hash of the canvas after the next frame is drawn."""
+    text = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(canvas.toDataURL()))))"
+    return hash(page.evaluate(text))
+
+
+def frame_of(page) -> int:
+    return int(page.get_attribute("#scene", "data-frame"))
+
+
+def test_page_loads_without_errors_and_runs_no_injected_script(opened):
+    page, problems = opened
+    canvas_hash(page)
+    assert problems == []
+    assert page.evaluate("window.ran") is None
+    assert page.locator("#heat thead th").nth(1).inner_text() == HOSTILE
+
+
+def test_scrubbing_changes_the_frame(page):
+    before = canvas_hash(page)
+    page.evaluate("scrub.value = 30; scrub.dispatchEvent(new Event('input'))")
+    assert frame_of(page) == 30
+    assert canvas_hash(page) != before
+
+
+def test_space_bar_plays_and_pauses(page):
+    before = canvas_hash(page)
+    page.keyboard.press("Space")
+    page.wait_for_function("Number(document.getElementById('scene').dataset.frame) >= 2", timeout=10_000)
+    page.keyboard.press("Space")
+    assert canvas_hash(page) != before
+    at = frame_of(page)
+    page.wait_for_timeout(200)
+    assert frame_of(page) == at
+
+
+def test_keys_step_rotate_and_select_cameras(page):
+    page.keyboard.press("ArrowRight")
+    assert frame_of(page) == 1
+    page.keyboard.press("Shift+ArrowRight")
+    assert frame_of(page) == 26
+    images = [canvas_hash(page)]
+    for key in ("d", "u", "b", "c"):
+        page.keyboard.press(key)
+        images.append(canvas_hash(page))
+    assert len(set(images)) == len(images)
+    assert page.locator("#view").input_value() == "0"
+    page.keyboard.press("u")
+    page.keyboard.press("b")
+
+
+@pytest.mark.parametrize("quantity", ["error", "missing"])
+def test_cell_jumps_to_its_worst_frame_and_escape_returns(page, quantity):
+    page.select_option("#quantity", quantity)
+    cell = page.locator("#heat td[data-keypoint='3'][data-view='2']")
+    cell.click()
+    label = page.locator("#worst button").first.inner_text()
+    assert f"frame {frame_of(page)}," in label
+    assert page.locator("#view").input_value() == "2"
+    page.keyboard.press("Escape")
+    assert page.evaluate("document.activeElement.dataset.keypoint") == "3"
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("Enter")
+    assert f"frame {frame_of(page)}," in page.locator("#worst button").first.inner_text()
+
+
+def test_camera_view_matches_the_projection(page, file):
+    result = track_perfectly(simulate_walkers(people=2, seconds=4.0))
+    camera = result.rig.cameras[1]
+    points = np.asarray(result.layers["model"].points_m)[10, 0]
+    page.select_option("#view", "1")
+    page.evaluate("scrub.value = 10; scrub.dispatchEvent(new Event('input'))")
+    canvas_hash(page)
+    k = 4
+    x, y = camera.project(points[k])[0]
+    box = page.locator("#canvas").bounding_box()
+    scale = 0.94 * min(box["width"] / camera.size_px[0], box["height"] / camera.size_px[1])
+    at_x = box["x"] + (box["width"] - scale * camera.size_px[0]) / 2 + scale * (x + 0.5)
+    at_y = box["y"] + (box["height"] - scale * camera.size_px[1]) / 2 + scale * (y + 0.5)
+    page.mouse.move(at_x, at_y)
+    tip = page.locator("#tooltip").inner_text()
+    shown = [float(text) for text in re.findall(r"-?\d+\.\d+", tip)]
+    actual = np.abs(points - np.array(shown)).max(axis=-1)
+    assert "person_1" in tip
+    pixels = camera.project(points[int(np.argmin(actual))])[0]
+    assert actual.min() < 2e-3
+    assert scale * np.linalg.norm(pixels - (x, y)) < 1.0
+
+
+def test_print_style_shows_tables_and_hides_controls(page):
+    page.emulate_media(media="print")
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert page.locator("table.numbers").is_visible()
+    assert page.locator("#heat").is_visible()
+    assert not page.locator("#controls").is_visible()
+    page.emulate_media(media="screen")
+
+
+def test_narrow_dark_screen_needs_no_horizontal_scrolling(page):
+    light = canvas_hash(page)
+    page.emulate_media(color_scheme="dark")
+    page.set_viewport_size({"width": 390, "height": 800})
+    page.wait_for_function("document.documentElement.scrollWidth <= 390", timeout=10_000)
+    assert canvas_hash(page) != light
+    page.set_viewport_size({"width": 1280, "height": 900})
+    page.emulate_media(color_scheme="light")
+
+
+def test_chart_clicks_show_frames(page):
+    page.evaluate("document.getElementById('time-error').emit('plotly_click', {points: [{x: 2.0}]})")
+    assert frame_of(page) == 50
+
+
+def test_view_follows_a_person(page):
+    page.evaluate("scrub.value = 20; scrub.dispatchEvent(new Event('input'))")
+    before = canvas_hash(page)
+    page.locator("#canvas").focus()
+    page.keyboard.press("f")
+    assert page.locator("#follow").input_value() == "0"
+    assert canvas_hash(page) != before
+    page.select_option("#follow", "-1")

@@ -1,0 +1,17 @@
+"""Jobs in processes."""
+
+import os
+
+from posefuse.batch.pool import in_processes
+from tests.unit.batch.job_functions import do, jobs
+
+
+def test_dying_process_does_not_affect_other_jobs(tmp_path):
+    todo = jobs(tmp_path, "dies", "a", "diesonce", "b", "c")
+    actual = {outcome.name: outcome for outcome in in_processes(do, todo, 2)}
+    assert {name: outcome.state for name, outcome in actual.items()} == {
+        "dies": "failed", "a": "done", "diesonce": "done", "b": "done", "c": "done",
+    }  # fmt: skip
+    assert "SIGKILL" in actual["dies"].why
+    assert "--jobs 1" in actual["dies"].why
+    assert [name for name in os.environ if name == "NUMBA_NUM_THREADS"] == []

@@ -1,0 +1,17 @@
+"""Files of a recording that are not read."""
+
+from posefuse.io.recording import find_recording, ignored_in
+from tests.layouts import (
+    opencap,
+)
+
+
+def test_files_that_are_not_read_are_listed_with_the_reason(tmp_path):
+    opencap(tmp_path)
+    for name in ("person.trc", "notes.md", "strange.json", "model.slp"):
+        (tmp_path / name).touch()
+    reasons = {name: each.reason for each in ignored_in(find_recording(tmp_path)) for name in each.names}
+    assert set(reasons) == {"person.trc", "notes.md", "strange.json", "model.slp", "Videos/out.pkl"}
+    assert "3D" in reasons["person.trc"]
+    assert "pickle" in reasons["Videos/out.pkl"]
+    assert "known format" in reasons["strange.json"]

@@ -1,0 +1,22 @@
+"""Report over a batch."""
+
+from posefuse.model.batch import JobResult, ResultStatistics
+from posefuse.report.batch import batch_csv, batch_page
+
+STATISTICS = ResultStatistics(30, 1.0, 4, 2, 0.98, 12.0, 24.0, None)
+
+
+def test_names_are_escaped_in_the_page():
+    evil = '<script>alert("x")</script>'
+    page = batch_page([JobResult(evil, "failed", evil), JobResult("../" + evil, "done", "", STATISTICS, (evil,))])
+    assert "<script" not in page
+    assert page.count("&lt;script&gt;") == 5
+    assert "98.0 %" in page
+    table = batch_csv([JobResult('a,"b"\n', "failed", "why"), JobResult("c", "kept", "", STATISTICS)])
+    assert table.splitlines()[0].startswith("recording,outcome,frames,seconds,cameras,people,points_share")
+    assert table.endswith("c,reconstructed,30,1.0,4,2,0.98,12.0,24.0,,,\n")
+
+
+def test_kept_results_are_written_like_new_ones():
+    done, before = (JobResult("c", state, "", STATISTICS) for state in ("done", "kept"))
+    assert (batch_csv([done]), batch_page([done])) == (batch_csv([before]), batch_page([before]))
