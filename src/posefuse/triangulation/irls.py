@@ -49,7 +49,7 @@ def solve(
         solved_ok = solved.status < PointStatus.NOT_SEEN
         points[solved_ok], covariance[solved_ok] = solved.points_m[solved_ok], solved.covariance_m2[solved_ok]
         errors = observations.errors_px(points)
-    flat.replace(chosen, points, covariance, used, errors)
+    flat.replace(chosen, points, covariance, flat.status[chosen], used, errors)
     return flat.finish()
 
 

@@ -37,9 +37,8 @@ def solve(
     points = intersect(rig, observations.pixels, np.where(used, confidence ** (2.0 * noise.exponent), 0.0))
     finite = np.asarray(np.isfinite(points).all(axis=-1))
     solved = chosen[finite]
-    flat.replace(
-        solved, points[finite], flat.covariance_m2[solved], used[finite], observations[finite].errors_px(points[finite])
-    )
+    errors = observations[finite].errors_px(points[finite])
+    flat.replace(solved, points[finite], flat.covariance_m2[solved], flat.status[solved], used[finite], errors)
     flat.remove(chosen[~finite], PointStatus.DEGENERATE)
     return flat.finish()
 

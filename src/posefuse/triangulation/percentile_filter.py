@@ -83,10 +83,13 @@ def solve(
         remaining[pending, worst] = False
         solved = observations[pending].solve(remaining[pending])
         errors[pending] = np.where(remaining[pending], solved.view_error_px, np.nan)
-        high = ~(np.nanmax(np.where(remaining[pending], errors[pending], -np.inf), axis=-1) <= threshold)
+        high = (np.where(remaining[pending], errors[pending], -np.inf) > threshold).any(axis=-1)
         done = pending[~high]
         all_errors = observations[done].errors_px(solved.points_m[~high])
-        flat.replace(exceeding[done], solved.points_m[~high], solved.covariance_m2[~high], remaining[done], all_errors)
+        flat.replace(
+            exceeding[done], solved.points_m[~high], solved.covariance_m2[~high], solved.status[~high],
+            remaining[done], all_errors,
+        )  # fmt: skip
         pending = pending[high]
     failed = (np.where(remaining, errors, -np.inf) > threshold).any(axis=-1)
     flat.remove(exceeding[failed], PointStatus.OUTLIER)

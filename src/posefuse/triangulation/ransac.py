@@ -45,6 +45,7 @@ def solve(
         chosen[solved_ok],
         solved.points_m[solved_ok],
         solved.covariance_m2[solved_ok],
+        solved.status[solved_ok],
         inliers[solved_ok],
         errors[solved_ok],
     )

@@ -130,29 +130,40 @@ class FlatLayer:
         chosen: np.ndarray,
         points_m: np.ndarray,
         covariance_m2: np.ndarray,
+        status: np.ndarray,
         accepted: np.ndarray,
         error_px: np.ndarray,
     ) -> None:
-        """Replace some points.
+        """Replace some points; those whose status has no coordinates are removed.
 
         Args:
             chosen: shape (some,): indices of the points.
             points_m: shape (some, 3).
             covariance_m2: shape (some, 6).
+            status: shape (some,): the solver's point codes.
             accepted: shape (some, view), bool: views that the points rest on.
             error_px: shape (some, view): reprojection errors of the new points.
         """
+        solved = status < PointStatus.NOT_SEEN
+        self.remove(chosen[~solved], status[~solved])
+        chosen, points_m, covariance_m2 = chosen[solved], points_m[solved], covariance_m2[solved]
+        status, accepted, error_px = status[solved], accepted[solved], error_px[solved]
         self.points_m[chosen] = points_m
         self.covariance_m2[chosen] = covariance_m2
-        self.status[chosen] = np.where(accepted.sum(axis=-1) > 2, PointStatus.OK, PointStatus.TWO_VIEWS)
+        self.status[chosen] = status
         self.view_error_px[chosen] = error_px
         self.reprojection_error_px[chosen] = mean_over(accepted, error_px)
         valid = np.isin(self.view_status[chosen], (ViewStatus.USED, ViewStatus.OUTLIER, ViewStatus.NOT_USED))
         judged = np.where(accepted, ViewStatus.USED, ViewStatus.OUTLIER)
         self.view_status[chosen] = np.where(valid, judged, self.view_status[chosen])
 
-    def remove(self, chosen: np.ndarray, status: PointStatus) -> None:
-        """Remove the coordinates of some points."""
+    def remove(self, chosen: np.ndarray, status: PointStatus | np.ndarray) -> None:
+        """Remove the coordinates of some points.
+
+        Args:
+            chosen: shape (some,): indices of the points.
+            status: point code of all, or of each, shape (some,).
+        """
         for array in (self.points_m, self.covariance_m2, self.reprojection_error_px, self.view_error_px):
             array[chosen] = np.nan
         self.status[chosen] = status

@@ -15,7 +15,7 @@ from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.triangulation import TriangulationOptions, WeightedSubsetsOptions
 from posefuse.model.reconstruction import Layer
-from posefuse.model.status import ViewStatus
+from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.model.tracks import Tracks
 from posefuse.triangulation import simple
 from posefuse.triangulation.method import Method
@@ -47,7 +47,7 @@ def solve(
 ) -> Layer:
     """Triangulate every keypoint; see :class:`posefuse.triangulation.method.Solve`.
 
-    A view has the status used if subsets with it carry more than half of the weight.
+    A view has the status used if subsets with it carry more than half of the weight; at least ``min_views`` views do.
     """
     assert options.min_views is not None
     layer = simple.solve(rig, detections, tracks, noise, options)
@@ -69,9 +69,12 @@ def solve(
     reached = weights.best < chosen.target_reprojection_error
     with np.errstate(invalid="ignore"):
         better = np.isfinite(points).all(axis=-1) & (reached | (errors < initial[exceeding]))
-    accepted = weights.retained & used[exceeding]
-    solved = observations.solve(accepted)
-    flat.replace(exceeding[better], points[better], solved.covariance_m2[better], accepted[better], errors_px[better])
+    solved = observations.solve(weights.retained)
+    better &= solved.status < PointStatus.NOT_SEEN
+    flat.replace(
+        exceeding[better], points[better], solved.covariance_m2[better], solved.status[better],
+        weights.retained[better], errors_px[better],
+    )  # fmt: skip
     return flat.finish()
 
 
@@ -81,7 +84,8 @@ class EnsembleWeights:
 
     Attributes:
         best: shape (point,): lowest error of a subset.
-        retained: shape (point, view), bool: subsets with the view carry more than half of the weight.
+        retained: shape (point, view), bool: subsets with the view carry more than half of the weight, or the view is
+            among the ``min_views`` that carry the most.
     """
 
     best: np.ndarray
@@ -134,7 +138,12 @@ def weighted_mean(
             points[tested] = points[tested] * fade[:, None] + weight[:, None] * solved.points_m[there]
             shares[tested] = shares[tested] * fade[:, None] + weight[:, None] * kept
     with np.errstate(invalid="ignore"):
-        return points / total[:, None], EnsembleWeights(best, shares > 0.5 * total[:, None])
+        retained = used & (shares > 0.5 * total[:, None])
+    # If three cameras or more are dropped, no view need carry half of the weight.
+    order = np.argsort(np.where(used, -shares, np.inf), axis=-1, kind="stable")[:, :min_views]
+    np.put_along_axis(retained, order, np.take_along_axis(used, order, axis=-1), axis=-1)
+    with np.errstate(invalid="ignore"):
+        return points / total[:, None], EnsembleWeights(best, retained)
 
 
 def error_units_px(rig: CameraRig, options: WeightedSubsetsOptions) -> np.ndarray:
