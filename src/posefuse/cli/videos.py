@@ -52,7 +52,7 @@ def _of_folder(rig: CameraRig, folder: Path) -> dict[str, Path]:
 
     if not folder.is_dir():
         raise OptionsError(
-            f"--video {folder}: give CAMERA=FILE, such as {rig.names[0]}={folder}, or a folder of videos. "
+            f"--video {folder}: expected CAMERA=FILE, such as {rig.names[0]}={folder}, or a folder of videos. "
             f"The cameras are {choices(rig.names, 30)}."
         )
     files = sorted(entry for entry in folder.iterdir() if entry.suffix.lower() in _SUFFIXES)
@@ -88,7 +88,7 @@ def offsets_by_camera(given: Sequence[str]) -> dict[str, float]:
         except ValueError:
             seconds = float("nan")
         if not name or seconds != seconds or abs(seconds) == float("inf"):
-            raise OptionsError(f"--offset-s {text}: give CAMERA=SECONDS, such as cam1=0.02.")
+            raise OptionsError(f"--offset-s {text}: expected CAMERA=SECONDS, such as cam1=0.02.")
         if name in offsets:
             raise OptionsError(f"--offset-s names camera {name!r} twice.")
         offsets[name] = seconds

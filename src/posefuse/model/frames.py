@@ -131,7 +131,7 @@ class Frame:
             raise DetectionsError(
                 f"Frame {number}: keypoints of {len(counts)} views, but confidences of {len(confidence)}"
                 + ("" if track_ids is None else f" and track ids of {len(track_ids)}")
-                + ". Give one array per view, empty if it shows no person."
+                + ". Pass one array per view, empty if it shows no person."
             )
         shapes = [np.shape(people) for people in keypoints_px]
         keypoints = {shape[1] for shape in shapes if len(shape) == 3 and (shape[0] or shape[1])}

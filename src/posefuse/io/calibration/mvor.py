@@ -55,10 +55,10 @@ def _camera(path: Path, name: str, lens: dict[str, Any], pose: Any) -> CameraRec
     where = f"{path}, camera {name!r}"
     numbers = [as_numbers(lens.get(key, ()), f"{where}: {key}") for key in _LENS]
     if any(each.size != 2 for each in numbers):
-        raise FileError(f"{where}: {', '.join(_LENS)} should hold 2 numbers each.")
+        raise FileError(f"{where}: {', '.join(_LENS)} must contain 2 numbers each.")
     first_from_camera = as_numbers(pose, f"{where}: extrinsics")
     if first_from_camera.size != 16:
-        raise FileError(f"{where}: extrinsics should hold 16 numbers, got {first_from_camera.size}.")
+        raise FileError(f"{where}: extrinsics must contain 16 numbers, got {first_from_camera.size}.")
     first_from_camera = first_from_camera.reshape(4, 4)
     rotation = first_from_camera[:3, :3].T
     (fx, fy), (cx, cy), size = numbers

@@ -59,7 +59,7 @@ def camera_from_table(path: Path, key: str, table: Mapping[str, Any], meters_per
         got = numbers[field].size
         if got not in sizes:
             expected = " or ".join(map(str, sizes))
-            raise FileError(f"{path}, table [{key}]: {field} should hold {expected} numbers, got {got}.")
+            raise FileError(f"{path}, table [{key}]: {field} must contain {expected} numbers, got {got}.")
     try:
         return Camera.from_opencv(
             name,

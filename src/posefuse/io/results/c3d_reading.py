@@ -179,8 +179,8 @@ def _values(
     n_bytes = n_frames * each * width
     if start < _BLOCK or start + n_bytes > len(data):
         raise FileError(
-            f"{path} should hold {n_bytes} bytes of {n_frames} frames starting at byte {start}, but has {len(data)} "
-            "bytes. Is it truncated?"
+            f"{path}: the header declares {n_bytes} bytes of {n_frames} frames starting at byte {start}, but the file "
+            f"has {len(data)} bytes. Is it truncated?"
         )
     content = data[start : start + n_bytes]
     if scale < 0:

@@ -122,7 +122,7 @@ class Options:
         for name, rate_hz in self.rates_hz.items():
             if not (name and 0.0 < rate_hz < math.inf):
                 raise OptionsError(
-                    f"view_rates_hz must hold view=rate entries with rates above 0 Hz, got {name}={rate_hz}."
+                    f"view_rates_hz must contain view=rate entries with rates above 0 Hz, got {name}={rate_hz}."
                 )
         both = sorted(set(self.cameras) & set(self.exclude_camera))
         if both:

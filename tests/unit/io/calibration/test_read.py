@@ -13,7 +13,7 @@ BROKEN = [
     (
         lambda text: text.replace("rotation = [", "rotation = [0.0, "),
         FileError,
-        ["rotation should hold 3 or 9 numbers, got 4"],
+        ["rotation must contain 3 or 9 numbers, got 4"],
     ),
     (lambda text: text.replace("size = [1920, 1080]", 'size = "HD"'), FileError, ["does not consist of numbers"]),
     (lambda text: text.replace("1200.0", "0.0"), CameraError, ["'cam_0'", "focal lengths must be positive"]),
