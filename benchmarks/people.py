@@ -43,7 +43,7 @@ from posefuse.tracking.tracker import ArticulatedTracker
 _GATE_M = 0.5
 _END_S = 1.0
 _WIDE = 25.0
-"""Factor on the prior variance of bone lengths, for the ablation with weakly constrained bones."""
+"""Factor for the prior variance of bone lengths, for the ablation with weakly constrained bones."""
 _ABLATED_CROWD_S = 20.0
 _NAMES = (*SCENARIOS, "equal")
 
@@ -350,7 +350,7 @@ class Ablation:
         what: Label of the row.
         options: Options of the tracker.
         components: Components that are replaced by those of the strategy `specification`.
-        shape_spread: Factor on the variance of bone lengths in the prior.
+        shape_spread: Factor for the variance of bone lengths in the prior.
         smoothed: Whether the smoothed results are scored.
     """
 

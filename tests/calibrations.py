@@ -1,4 +1,4 @@
-"""Writers of other programs' calibrations, for readers to be tested on: each writes a rig and says what to read."""
+"""Writers of calibrations in the formats of other programs; each returns the path to read."""
 
 import json
 import pickle

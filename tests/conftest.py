@@ -1,4 +1,4 @@
-"""What all tests share."""
+"""Fixtures of all tests."""
 
 import os
 from pathlib import Path
@@ -28,7 +28,7 @@ def rng() -> np.random.Generator:
 
 @pytest.fixture
 def shared_data():
-    """A folder of real recordings by name, or a skip that says why."""
+    """Return a function that gives a folder of real recordings by name, or skips the test with a reason."""
 
     def folder(name: str) -> Path:
         path = SHARED_DATA / name

@@ -1,4 +1,4 @@
-"""People whose bodies stand in known ways, and plain readers of the files that animation programs take."""
+"""Results with known poses, and simple readers of animation files."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ RATE_HZ = 50.0
 def posed(
     name: str = "body_20", frames: int = 30, people: int = 1, seed: int = 0, away: tuple[slice, ...] = ()
 ) -> Reconstruction:
-    """People who move smoothly in any way, of any lengths; away in some frames."""
+    """Return people with random smooth motion and bone lengths, absent in some frames."""
     rng = np.random.default_rng(seed)
     skeleton = shipped_skeleton(name)
     segments, bones, lengths = skeleton.body_names
@@ -60,7 +60,7 @@ def _moving(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def places(skeleton: Skeleton, root: np.ndarray, turns: np.ndarray, ways: np.ndarray, shape: np.ndarray) -> np.ndarray:
-    """Where keypoints are: (frame, keypoint, 3), from what a tree says of itself."""
+    """Return keypoints of poses by the definition of the tree, shape (frame, keypoint, 3)."""
     out = np.full((len(root), len(skeleton), 3), np.nan)
     s = b = h = 0
     for tree, keypoints, at in [
@@ -165,7 +165,7 @@ class Gltf:
             self.parents[node.children or []] = n
 
     def numbers(self, accessor: int) -> np.ndarray:
-        """What an accessor holds."""
+        """Return the contents of an accessor."""
         entry = self.file.accessors[accessor]
         view = self.file.bufferViews[entry.bufferView]
         kind = {5126: np.float32, 5125: np.uint32, 5123: np.uint16}[entry.componentType]
@@ -174,7 +174,7 @@ class Gltf:
         return np.frombuffer(self.blob, kind, entry.count * width, view.byteOffset).reshape(entry.count, width)
 
     def channel(self, node: int, path: str) -> tuple[np.ndarray, np.ndarray, str] | None:
-        """Seconds, values and interpolation of what a node does."""
+        """Return times, values and interpolation of a node's animation channel."""
         for each in self.animation.channels:
             if (each.target.node, each.target.path) == (node, path):
                 sampler = self.animation.samplers[each.sampler]

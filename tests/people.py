@@ -1,4 +1,4 @@
-"""A result of several people who come and go, made from a simulated crowd without a tracker."""
+"""Results of several people that enter and leave, built from simulated scenes without a tracker."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ TENTATIVE_FRAMES = 3
 
 
 def simulate_walkers(people: int = 4, seconds: float = 2.0, seed: int = 0) -> CrowdScene:
-    """People who walk about, and a detector that often sees somebody who is not there."""
+    """Return walking people, and a detector with many false detections."""
     options = CrowdOptions(people=people, duration_s=seconds, seed=seed, skeleton="body_20")
     return simulate_crowd(replace(options, faults=CrowdFaults(false_share=0.2)))
 
@@ -125,7 +125,7 @@ def _events(tracks: Tracks, scene: CrowdScene) -> tuple[Event, ...]:
 
 
 def without_people(scene: CrowdScene) -> Reconstruction:
-    """The same recording with nobody found in it."""
+    """Return the result of the same recording without people."""
     whole = track_perfectly(scene)
     empty = {
         name: Layer(*(np.asarray(value)[:, :0] for value in vars(layer).values()))

@@ -182,7 +182,7 @@ def _person_index(table: _IdentityTable, name: str) -> int:
 def _require_new_name(table: _IdentityTable, name: str) -> None:
     if name in table.names:
         raise EditError(
-            f"A person is already called {name!r}; people are {choices(table.names, 20)}. Choose another name, or "
+            f"A person is already called {name!r}; the names are {choices(table.names, 20)}. Choose another name, or "
             "merge the two."
         )
 

@@ -1,4 +1,4 @@
-"""Animals are followed as the page says: its own skeleton, its own commands, by files."""
+"""Animals are tracked with the skeleton and the commands of the documentation."""
 
 import json
 import re

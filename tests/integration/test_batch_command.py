@@ -57,7 +57,7 @@ BREAK: dict[str, tuple[Callable[[Path], object], str]] = {
 
 
 def recordings(root: Path, n: int, broken: dict[int, str], seconds: float = 0.2) -> list[Path]:
-    """So many short recordings, some of them broken."""
+    """Write short recordings, some of them broken."""
     folders = []
     for i in range(n):
         made = simulate(SceneOptions(duration_s=seconds, cameras=3, detector=CLEAN, seed=i))
@@ -77,7 +77,7 @@ def rows_of(output: Path) -> dict[str, dict[str, str]]:
 
 
 def check_batch(run, tmp_path: Path, n: int, broken: dict[int, str], seconds: float = 0.2) -> Path:
-    """Everything but what is broken is there; what is broken is named with its reason."""
+    """All intact recordings are processed; broken ones are listed with a reason."""
     folders, output = recordings(tmp_path / "recs", n, broken, seconds), tmp_path / "out"
     code, text, wrong = run("batch", *folders, "-o", output, "--jobs", "2", *FAST)
     assert code == 1
@@ -135,7 +135,7 @@ def test_interrupted_batch_resumes_within_a_recording(tmp_path, monkeypatch):
     assert (tmp_path / "out" / "rec_000" / CHECKPOINT_FOLDER).is_dir()
     made.clear()
     assert state_of("out", ends=False) == "done"
-    # And once all is done, what the result is in, instead of them.
+    # After the last chunk, the result replaces the parts.
     assert made == ["measured_000002", "whole"]
     whole, out = (
         {
@@ -149,7 +149,7 @@ def test_interrupted_batch_resumes_within_a_recording(tmp_path, monkeypatch):
 
 
 def test_result_is_recomputed_if_timestamps_change(run, tmp_path):
-    """They say when frames were, and lie beside what is read."""
+    """Timestamp files beside the keypoints are part of the input."""
     scene = simulate(SceneOptions(duration_s=1.0, cameras=3))
     folder = tmp_path / "recs" / "a"
     folder.mkdir(parents=True)

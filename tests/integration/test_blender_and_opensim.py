@@ -1,4 +1,4 @@
-"""Blender and OpenSim themselves read what is written for them, where they are installed (``bpy``, ``opensim``)."""
+"""Blender and OpenSim read the exported files, if they are installed (``bpy``, ``opensim``)."""
 
 import numpy as np
 import pytest

@@ -199,7 +199,7 @@ def test_path_of_a_skeleton_file_is_not_stored(run, recording, tmp_path):
 
 
 class TestBadInput:
-    """Each gets one sentence: what, where, expected and got, what to do; and nothing half-written stays."""
+    """Each invalid input gives one sentence with fault, location and remedy, and leaves no partial files."""
 
     @pytest.fixture
     def refused(self, run, tmp_path):
@@ -311,7 +311,7 @@ class TestBadInput:
         (recording / "keypoints.nc").unlink()
         write_openpose(recording / "pose", clean_scene.detections)
         arguments = ["--rate-hz", "30", "--skeleton", "coco_17"]
-        words = ["has 26 keypoints per person, skeleton coco_17 has 17"]
+        words = ["has 26 keypoints per person, but skeleton coco_17 has 17"]
         refused("reconstruct", recording, "-o", tmp_path / "o", *arguments, words=words)
 
     def test_output_that_is_not_a_result(self, refused, recording, tmp_path):
@@ -344,7 +344,7 @@ class TestBadInput:
 
 
 def test_detections_outside_the_image_are_used(run, recording, tmp_path, clean_scene):
-    """Some detectors extrapolate beyond the edge; a keypoint there is an observation like any other."""
+    """Some detectors extrapolate beyond the edge; such keypoints are valid observations."""
     keypoints = np.array(clean_scene.detections.dense()[0])
     keypoints[:, 0] += [5000.0, 0.0]
     from posefuse.model.detections import Detections

@@ -124,7 +124,7 @@ def test_method_without_effect_gives_a_note(run, ugly_recording, tmp_path):
 
 
 class TestRefused:
-    """What, where, what there is and what to do; nothing half-written stays."""
+    """Errors name fault, location, valid choices and remedy, and leave no partial files."""
 
     @pytest.fixture
     def refused(self, run, recording, tmp_path):

@@ -1,4 +1,4 @@
-"""``posefuse convert``: there and back again, and what it says."""
+"""``posefuse convert``: round trips and messages."""
 
 import numpy as np
 import pytest

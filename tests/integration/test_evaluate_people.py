@@ -12,7 +12,7 @@ from tests.unit.evaluation.test_people import drifting_people, result_of
 
 @pytest.fixture
 def files(tmp_path):
-    """Three people, of whom the result has two exchange names halfway, and a fourth who is nobody."""
+    """Return three people, two of whom swap names halfway in the result, and a false fourth one."""
     rng = np.random.default_rng(7)
     truth = drifting_people(rng, 50, 3)
     points = np.concatenate([truth, truth[:, :1] + np.array([0.0, 30.0, 0.0])], axis=1)

@@ -46,7 +46,7 @@ def start(recording: Path, output: Path, chunk: int) -> subprocess.Popen[str]:
         stderr=subprocess.STDOUT,
         text=True,
         env={**os.environ, "PYTHONPATH": str(SOURCES)},
-        # Tests that run in the background are not interrupted, nor is what they start.
+        # Background processes ignore SIGINT, and so would their children.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
 
@@ -124,7 +124,7 @@ def test_interruption_while_files_are_written_resumes_from_the_reconstruction(ru
     kept = {path.name for path in (tmp_path / "out" / CHECKPOINT_FOLDER).rglob("*")}
     assert kept == {"manifest.json", "whole.file", "whole.part"}
     with monkeypatch.context() as patched:
-        # Nothing is followed or triangulated again.
+        # Nothing is tracked or triangulated again.
         patched.setattr("posefuse.pipeline.reconstruct_recording.prepare", ended)
         code, output, wrong = run(*command, tmp_path / "out")
     assert (code, wrong) == (0, warned)
@@ -150,7 +150,7 @@ def test_killed_run_resumes_to_the_same_bytes(run, two_people, uninterrupted, tm
 @pytest.mark.long
 def test_interrupted_run_leaves_a_result_marked_partial(run, tmp_path):
     recording = write(tmp_path / "recording", 12.0)
-    # All frames may be followed before the signal comes: then there is nothing partial about what is made of them.
+    # Tracking may finish before the signal arrives; the result is complete then.
     for attempt in range(10):
         output = tmp_path / f"out_{attempt}"
         text = signal_when_file_exists(
@@ -216,7 +216,7 @@ def test_run_killed_while_files_are_moved_resumes(run, two_people, uninterrupted
 
 @pytest.mark.long
 def test_run_killed_twenty_times_resumes_to_the_same_bytes(tmp_path):
-    """At any moment: while people are followed, chunks are made, or files are written."""
+    """The process is killed at random times: during tracking, triangulation and writing."""
     recording = write(tmp_path / "recording", 300.0)
     whole, output = tmp_path / "whole", tmp_path / "out"
     begin = time.monotonic()
@@ -228,7 +228,7 @@ def test_run_killed_twenty_times_resumes_to_the_same_bytes(tmp_path):
         with start(recording, output, 256) as process:
             try:
                 process.wait(timeout=draw.uniform(0.05, 0.5) * took_s)
-                # It was faster than it was to be killed: it begins anew.
+                # The run finished before it was killed; start the next one.
                 assert process.returncode == 0
                 assert contents(output) == contents(whole)
             except subprocess.TimeoutExpired:

@@ -112,7 +112,7 @@ def test_explain_refuses_other_keypoints(run, folder):
 
 
 def test_edits_may_drop_all_people(run, folder, monkeypatch):
-    """No file of a person who is in no frame, no number of nothing, and all lines fit."""
+    """Absent people have no files and no statistics, and all lines fit the window."""
     monkeypatch.setenv("COLUMNS", "80")
     (folder / "edits.toml").write_text('[[edit]]\ndo = "drop"\nto_frame = 24\n')
     code, output, warned = run("edit", folder / "result", folder / "edits.toml", "-o", folder / "out")

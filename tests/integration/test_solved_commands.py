@@ -1,4 +1,4 @@
-"""The solved layer, the world and what follows from points, on the command line."""
+"""The solved layer, alignment and derived quantities on the command line."""
 
 import csv
 from dataclasses import replace
@@ -21,7 +21,7 @@ def rows_of(path):
 
 @pytest.fixture
 def recording_with_gap(recording):
-    """The recording with a keypoint that no camera sees for four frames."""
+    """Return the recording with one keypoint missing in all views for four frames."""
     detections = posefuse.read_detections(recording / "keypoints.nc")
     wrist = detections.skeleton.index("left_wrist")
     pixels = np.array(detections.keypoints_px[:])
@@ -79,7 +79,7 @@ def test_aligned_result_is_evaluated_in_the_calibrated_world(run, recording, tmp
 
 
 def test_scaled_result_is_evaluated_at_the_calibrated_scale(run, recording, tmp_path):
-    """The subject is said to be half as tall: errors are still those in the calibration's meters."""
+    """The given stature is half the true one; errors remain in meters of the calibration."""
     medians, tables = [], []
     for name, flags in (("plain", []), ("small", ["--align", "floor", "--align.height-m", "0.9"])):
         code, output, _ = run("reconstruct", recording, "-o", tmp_path / name, "--solve", "frame", *flags)

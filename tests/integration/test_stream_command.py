@@ -80,7 +80,7 @@ def test_streamed_recording_gives_the_numbers_of_reconstruct(run, folder, lines)
 
 def assert_same(rows: list, expected: np.ndarray) -> None:
     results = np.array([[np.nan] * expected.shape[1] if row is None else row for row in rows])
-    # Of hardly known points not even the covariance is given where the point is not.
+    # Missing points have no covariance either.
     np.testing.assert_allclose(results, np.where(np.isnan(results), np.nan, expected), rtol=1e-9, atol=1e-12)
     np.testing.assert_array_equal(np.isnan(results[:, 0]), np.isnan(expected[:, 0]))
 

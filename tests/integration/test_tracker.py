@@ -128,7 +128,7 @@ def test_same_frames_give_the_same_bytes(scene: CrowdScene, tracked: list[People
 def test_pickled_tracker_resumes(scene: CrowdScene, tracked: list[People]) -> None:
     tracker = Tracker(scene.rig, "body_20")
     frames = frames_of(scene.detections)
-    # So early that somebody is still tentative, and again in the middle.
+    # At frame 2 some people are still tentative.
     for stop, start in ((2, 0), (50, 2), (len(frames), 50)):
         for i in range(start, stop):
             # Not to the last bit: with a cold cache and two test processes it has differed by a rounding error.

@@ -1,4 +1,4 @@
-"""A real Anipose calibration: its conventions are proven by what reprojects."""
+"""A real Anipose calibration: reprojection errors confirm its conventions."""
 
 import h5py
 import numpy as np
@@ -28,7 +28,7 @@ def test_correct_mouse_calibration_has_small_reprojection_errors(shared_data):
 
 @pytest.mark.parametrize("name", ["calibration.toml", "calibration_0b26179_good.toml"])
 def test_camera_distances_are_plausible_in_millimeters(name, shared_data):
-    """In millimeters, as Anipose's are unless it is said otherwise, the cameras stand some decimeters apart."""
+    """Anipose calibrations are in millimeters by default, so that the cameras are some decimeters apart."""
     rig = posefuse.read_cameras(shared_data("sleap_mouse") / name)
     assert rig.meters_per_unit == 0.001
     centers = np.array([camera.center_m for camera in rig.cameras])

@@ -1,4 +1,4 @@
-"""What the health check says of real recordings."""
+"""Findings of the diagnostics in real recordings."""
 
 import pytest
 

@@ -61,7 +61,7 @@ def points_m(rig: CameraRig, pixels: np.ndarray) -> np.ndarray:
 
 
 def errors_px(rig: CameraRig, pixels: np.ndarray) -> np.ndarray:
-    """Shape (point, view): how far the points lie from where they were seen."""
+    """Return reprojection errors, shape (point, view)."""
     return np.linalg.norm(np.moveaxis(rig.project(points_m(rig, pixels)), 0, 1) - pixels, axis=-1)
 
 
@@ -119,7 +119,7 @@ def test_fly_with_seven_cameras(shared_data):
 
 
 def test_projected_labels_reproject(shared_data):
-    """The notes say 0.1 to 0.9 px; read with its lenses as the file means them, nothing is left."""
+    """The notes of the data state 0.1 to 0.9 px; with the correct lens model the errors vanish."""
     file = shared_data("dannce_mouse") / "label3d_demo.mat"
     assert medians_px(file, file).max() < 1e-6
 
@@ -137,7 +137,7 @@ def test_initial_calibration_of_twelve_cameras(shared_data):
 
 
 def test_operating_room(shared_data):
-    """By hand, triangulated with all three views; detected, against the known positions."""
+    """Manual labels are triangulated from all three views; detections are compared with the known positions."""
     folder = shared_data("mvor")
     rig = read_cameras(folder / "camma_mvor_2018.json")
     data = mvor.read_mvor(folder)

@@ -1,4 +1,4 @@
-"""A real fly, whose limbs are a tree: six legs from seven cameras that each see one side."""
+"""A real fly with a kinematic tree: six legs in seven cameras that each show one side."""
 
 from dataclasses import replace
 
@@ -44,7 +44,7 @@ def test_tracks_every_leg_of_a_tethered_fly(shared_data):
 
 
 def test_fly_tracked_at_25_hz_has_small_reprojection_errors(shared_data):
-    """Its legs are elsewhere in every frame: nothing can be foretold of them."""
+    """The legs move too far between frames to be predicted."""
     rig, fast = held_out.fly(shared_data("fly_3cam").parent)
     pixels, confidence = fast.dense()
     fly = Detections.from_dense(fast.skeleton, fast.view_names, pixels[::12], confidence[::12], rate_hz=25.0)

@@ -1,4 +1,4 @@
-"""A real mouse, whose skeleton says nothing of how it moves, followed as one of many."""
+"""A real mouse without a kinematic tree, tracked as one of several people."""
 
 import numpy as np
 from benchmarks import real_recordings

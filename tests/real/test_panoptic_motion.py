@@ -9,7 +9,7 @@ from posefuse.synthetic.crowds import CrowdScene, Kind, crowd_of_points
 
 
 def check(scene: CrowdScene, points_m: np.ndarray) -> None:
-    """Everybody is seen by most cameras, near where they are."""
+    """Most cameras detect every person close to the true position."""
     actual = scene.detections
     cell = np.repeat(np.arange(actual.n_frames * actual.n_views), actual.people_counts.ravel())
     frame, view = cell // actual.n_views, cell % actual.n_views
@@ -37,7 +37,7 @@ def test_three_people(shared_data, sequence):
 
 
 def test_leg_that_is_detected_late_is_tracked(shared_data):
-    """Of one of the band, who sits, the first frames show no leg; it points far from where a leg at rest does."""
+    """The first frames show no leg of a sitting person, whose direction is far from the rest pose."""
     motion = panoptic.three_people(shared_data("panoptic_three_people").parent)
     scene = crowd_of_points(motion.points_m, motion.rig, motion.skeleton, motion.rate_hz)
     result = reconstruct(scene.rig, scene.detections, Options(people="many"))

@@ -30,7 +30,7 @@ def test_mvor_truth_reprojects(operating_room, shared_data):
 
 
 def test_oracle_error_in_mvor(operating_room, shared_data):
-    """The data's notes say 60 mm with three views and 83 mm with two, not of which joints: within a tenth of them."""
+    """The notes of the data state 60 mm with three views and 83 mm with two, without naming the joints."""
     data = operating_room(shared_data)
     points, _ = mvor.oracle(data)
     actual = mvor.score(data, [each[np.isfinite(each).all(axis=-1).any(axis=-1)] for each in points])
@@ -42,7 +42,7 @@ def test_oracle_error_in_mvor(operating_room, shared_data):
 
 
 def test_proposals_in_mvor(operating_room, shared_data):
-    """Nearly everybody the oracle finds, no farther off than with the oracle's detections."""
+    """Proposals match nearly all people of the oracle with similar errors."""
     data = operating_room(shared_data)
     actual = mvor.score(data, mvor.proposed(data, "groups"))
     assert actual.relative_recall >= 0.95

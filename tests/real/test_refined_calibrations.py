@@ -1,4 +1,4 @@
-"""Real calibrations that are wrong, put right: by a board, by a moving subject, and not where that cannot be."""
+"""Refinement of wrong real calibrations by a board and by a moving subject, and its limits."""
 
 import h5py
 import numpy as np

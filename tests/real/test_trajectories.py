@@ -1,4 +1,4 @@
-"""Real recordings solved as a whole: what a camera that had no part in it sees."""
+"""Trajectories of real recordings predict a held-out camera."""
 
 import pytest
 from benchmarks import held_out
@@ -8,7 +8,7 @@ from benchmarks import held_out
     ("recording", "frames", "most"),
     [
         ("fly_3cam", 120, 1.02),
-        # Said to be of 30 Hz, and its edges are no bones: smoothing costs some of what it gains.
+        # The rate of 30 Hz is nominal and the edges are not rigid, which limits the gain of smoothing.
         ("sleap_mouse", 60, 1.08),
     ],
 )

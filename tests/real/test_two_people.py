@@ -26,7 +26,7 @@ def follow():
             folder = shared_data("pose2sim")
             rig = posefuse.read_cameras(folder / "calibration" / "Calib.qca.txt")
             detections = posefuse.read_detections(folder / "two_people" / "pose").with_rate(60.0)
-            # Said, not surveyed: one of the two was drawn into the recording, and errs by nothing but the calibration.
+            # One of the two people was rendered into the recording, with no error but that of the calibration.
             options = posefuse.Options(people="many", noise_scale_px=10, solve="trajectory")
             cache["result"] = posefuse.reconstruct(rig, detections, options)
         return cache["result"]
@@ -76,7 +76,7 @@ def test_trajectories_of_both_people_are_solved(follow, shared_data):
         own = [points[:, person] for points in (measured, solved)]
         varies = [bone_variation(points, bones) for points in own]
         bends_m = [np.nanmedian(np.abs(np.diff(points, 2, axis=0))) for points in own]
-        # The one who was drawn into the recording hardly errs at all, as measured.
+        # The rendered person has very small errors in the measured layer.
         assert varies[1] < max(0.5 * varies[0], 0.003)
         assert bends_m[1] < 0.7 * bends_m[0]
     source = np.asarray(result.layers["solved"].source)

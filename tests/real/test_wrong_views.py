@@ -1,4 +1,4 @@
-"""Real recordings in which some views are wrong: what is rejected, and which camera is named."""
+"""Real recordings with wrong views: rejected observations and identified cameras."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def test_faulty_fly_camera_is_rejected_and_identified(shared_data):
     assert max(shares.values()) < 0.2
     layer = result.layers["measured"]
     assert 2.0 < np.nanmedian(layer.reprojection_error_px) < 3.8
-    # What lies far off, points of the side a camera does not see among them, is used nowhere.
+    # Distant points, such as those of the side that a camera does not show, are not used.
     far = layer.view_error_px > 25.0
     assert far[..., 2].any()
     assert far[..., 4].any()

@@ -1,4 +1,4 @@
-"""Broken results, tables of tracks and edits: errors that say so, whatever the bytes."""
+"""Damaged results, track tables and edits raise errors."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def result():
 
 
 def everything(path) -> None:
-    """What the file holds, all of it."""
+    """Return the whole contents of the file."""
     actual = posefuse.read_reconstruction(path)
     for _ in actual.chunks(4):
         pass
@@ -46,7 +46,7 @@ def write(kind, result, folder):
 
 
 def refused(kind, result, folder, cases) -> int:
-    """How many of so many broken files are not read."""
+    """Return how many of a number of damaged files raise an error."""
     path, read = write(kind, result, folder)
     original, rng, n = path.read_bytes(), np.random.default_rng(len(kind)), 0
     for _ in range(cases):
@@ -58,7 +58,7 @@ def refused(kind, result, folder, cases) -> int:
     return n
 
 
-# The netCDF library closes what it could not open.
+# The netCDF library fails to close a file that it could not open.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("kind", ["edits", "trc", "netcdf"])
 def test_broken_files_raise_posefuse_errors(kind, result, tmp_path):

@@ -1,4 +1,4 @@
-"""Names out of somebody's files: no writer lets them lead elsewhere, and no page lets them run."""
+"""Names from input files neither change output paths nor run as code in reports."""
 
 from collections import Counter
 from dataclasses import replace
@@ -46,7 +46,7 @@ evil = st.one_of(
 
 
 def renamed(result: Reconstruction, people: list[str], cameras: list[str]) -> Reconstruction:
-    """The same, of people and cameras who are called otherwise."""
+    """Return the same result with other names of people and cameras."""
     rig = replace(
         result.rig, cameras=tuple(replace(c, name=n) for c, n in zip(result.rig.cameras, cameras, strict=True))
     )
@@ -56,7 +56,7 @@ def renamed(result: Reconstruction, people: list[str], cameras: list[str]) -> Re
 
 
 def distinct(names: list[str], number: int) -> list[str]:
-    """So many different names."""
+    """Return a number of different names."""
     actual = list(dict.fromkeys(names))[:number]
     return [*actual, *(f"other {i}" for i in range(number - len(actual)))]
 
@@ -127,7 +127,7 @@ def test_safe_names_are_valid_file_names(names):
 
 
 class Shape(HTMLParser):
-    """What a page is made of, without its texts: elements with their attributes' names, comments, declarations."""
+    """Structure of a page without its texts: elements, names of attributes, comments and declarations."""
 
     def __init__(self, page: str) -> None:
         super().__init__()

@@ -187,7 +187,7 @@ class TestErrors:
         ("edit", "words"),
         [
             (Rename("person_9", "x"), "No person is called 'person_9'. Did you mean"),
-            (Rename("person_1", "person_2"), "A person is already called 'person_2'; people are person_1, person_2"),
+            (Rename("person_1", "person_2"), "A person is already called 'person_2'; the names are person_1, person_2"),
             (Split("person_1", "person_3", 5), "A person is already called 'person_3'"),
             (Split("person_1", "x", 0), "no frames would remain for person_1"),
             (Split("person_1", "x", 99), "from_frame 99 is not in this result; its frames are 0 to 29"),
@@ -215,7 +215,7 @@ class TestErrors:
             ("", "contains no [[edit]]. Each needs do = one of merge, split"),
             ("[edit]\ndo = 'drop'\n", "write each edit as its own table [[edit]], with two brackets"),
             ("[[merge]]\n", "unknown key 'merge'. Edits are tables [[edit]]"),
-            ("[[edit]]\nperson = 'a'\n", "e.toml, edit 1: do is missing. It is one of merge"),
+            ("[[edit]]\nperson = 'a'\n", "e.toml, edit 1: the key 'do' is missing. Set it to one of: merge"),
             ("[[edit]]\ndo = 'merg'\n", "edit 1: unknown operation do = 'merg'. Did you mean 'merge'?"),
             ("[[edit]]\ndo = 'merge'\nperson = 'a'\n", "edit 1 (merge): into is missing. Required keys: person, into."),
             ("[[edit]]\ndo = 'drop'\nframe = 3\n", "(drop): unknown key 'frame'. Keys: person, from_frame, to_frame."),

@@ -1,4 +1,4 @@
-"""Explaining a frame: every detection is told of once, with whose it is and how far off that person is."""
+"""Explanation of a frame: every detection with its track and error."""
 
 from dataclasses import replace
 
@@ -53,13 +53,13 @@ def test_errors_are_distances_to_the_projected_person(scene, result):
 
 
 def test_unassigned_detections_have_the_right_reason(scene, result):
-    """The simulation knows which detections are of nobody and which are somebody seen twice."""
+    """The simulation provides the true false and duplicate detections."""
     reasons: dict[Kind, list[str]] = {}
     for number in range(result.n_frames):
         for v, view in enumerate(explain(result, number, scene.detections).views):
             for each in view.detections:
                 row = scene.detections.offsets[number * 5 + v] + each.number
-                # Somebody whom the result does not have is nobody to it.
+                # Detections of people without a track count as unassigned.
                 owner = scene.owner[row]
                 reference = owner < 0 or np.isfinite(np.asarray(result.layers["model"].points_m)[number, owner]).any()
                 if each.person is None and reference:
@@ -136,7 +136,7 @@ class TestMisses:
         misses = count_misses(result.chunks(7), "model")
         state, detection = np.asarray(result.tracks.state), np.asarray(result.tracks.detection)
         active = state == TrackState.ACTIVE
-        # The room is made so that every camera sees all of it.
+        # Every camera shows the whole room.
         np.testing.assert_array_equal(misses.expected, np.repeat(active.sum(axis=0)[:, None], 5, axis=1))
         missed = ((detection < 0) & active[..., None]).sum(axis=0)
         np.testing.assert_array_equal(misses.missed, missed)

@@ -3,7 +3,7 @@
 The four points are modeled as ``c + h + s, c + h - s, c - h + (2/3 s + q), c - h - (2/3 s + q)`` (left and right
 shoulder, left and right hip): the center c is unknown; the half height h and the half shoulder width s are normally
 distributed about 0 with the sizes of an adult in any direction, and so is q, the deviation of the hips from a line
-parallel to the shoulders and two thirds as wide. The model is linear, so that c and its covariance have a closed form;
+parallel to the shoulders and two thirds as wide. The model is linear, so c and its covariance have a closed form;
 missing points increase the covariance. Points that do not fit get less weight (Student's t, 3 degrees of freedom). The
 pelvis keypoint is the least accurate landmark and is not used.
 

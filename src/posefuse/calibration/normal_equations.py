@@ -87,7 +87,7 @@ def compute_rows(
     camera_points = (rotations @ (points - centers)[:, :, None])[:, :, 0]
     in_world = by_point @ rotations
     by_camera = np.empty((n, 2, N_PARAMETERS))
-    # d(exp(w) x)/dw = -[x]x, so that a row j of the derivative becomes x cross j.
+    # d(exp(w) x)/dw = -[x]x, so a row j of the derivative becomes x cross j.
     by_camera[:, :, ROTATION] = np.cross(camera_points[:, None], by_point)
     by_camera[:, :, TRANSLATION] = -in_world
     by_camera[:, :, LENS] = by_lens
@@ -170,7 +170,7 @@ class NormalEquations:
         )
 
     def scores(self, columns: np.ndarray, reduced: "ReducedEquations") -> np.ndarray:
-        """Return each point's contribution to the reduced gradient, shape (point, free)."""
+        """Return each point's contribution to the reduced gradient, shape (point, free parameter)."""
         n, n_views = len(self.points), len(self.cameras)
         all_scores = np.zeros((n, n_views, N_PARAMETERS))
         all_scores[self.observations.point, self.observations.view] = self.camera_gradient

@@ -1,7 +1,7 @@
 """Parameters of a camera: nine numbers, to which small changes are added.
 
 In this order: three rotations about the camera's own axes (rad), three shifts of its center in the world (m), the
-logarithm of its focal length, and the changes of k1 and k2. Rotations are about the center, so that a camera that was
+logarithm of its focal length, and the changes of k1 and k2. Rotations are about the center, so a camera that was
 only rotated keeps its position: ``x_camera = exp(rotation) R (x_world - center - shift)``.
 """
 

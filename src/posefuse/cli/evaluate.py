@@ -195,7 +195,7 @@ def _c3d_finder(path: Path) -> Callable[[Reconstruction], Truth]:
         up = result.rig.up_axis
         if None not in (up, tracks.up) and up != tracks.up:
             raise ResultError(
-                f"{path} has {tracks.up} up (POINT:Y_SCREEN), the calibration {up}; their coordinate systems differ. "
+                f"{path} has {tracks.up} up (POINT:Y_SCREEN), but the calibration has {up}. "
                 "Export the C3D in the calibration's axes."
             )
         return truth_from_trajectories(result, names, tracks.time_s, tracks.points)

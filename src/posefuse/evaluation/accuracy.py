@@ -97,7 +97,7 @@ def evaluate(result: Reconstruction, truth: Truth) -> Accuracy:
         )
     name, layer = result.best_layer(result.options.layer)
     if truth.points_m.shape[0] != result.n_frames:
-        raise ResultError(f"The truth has {truth.points_m.shape[0]} frames, the result {result.n_frames}.")
+        raise ResultError(f"The truth has {truth.points_m.shape[0]} frames, but the result has {result.n_frames}.")
     columns = [result.skeleton.index(keypoint) for keypoint in truth.keypoints]
     points = np.asarray(layer.points_m[:])[:, 0, columns]
     offsets = points - truth.points_m

@@ -44,7 +44,7 @@ def edits_to_toml(edits: Sequence[Edit]) -> str:
 
 def _edit(entry: Mapping[str, Any], where: str) -> Edit:
     if not isinstance(entry, Mapping) or "do" not in entry:
-        raise EditError(f"{where}: do is missing. It is one of {choices(EDITS)}.")
+        raise EditError(f"{where}: the key 'do' is missing. Set it to one of: {choices(EDITS)}.")
     do = entry["do"]
     if not isinstance(do, str) or do not in EDITS:
         raise EditError(f"{where}: unknown operation do = {do!r}. {suggestion(str(do), EDITS)}")

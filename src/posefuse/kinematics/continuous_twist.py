@@ -1,7 +1,7 @@
 """Continuous twist of limbs, for animation: without jumps where a limb is straight and the twist is not observed.
 
 :func:`posefuse.kinematics.twist.full_rotations` uses one frame at a time. When an elbow is extended, the plane in which
-it bends is unobserved for some frames and then observed elsewhere, so that the skin of a character would jump. This
+it bends is unobserved for some frames and then observed elsewhere, so the skin of a character would jump. This
 module also uses the surrounding frames. See docs/methods/angles.md.
 """
 

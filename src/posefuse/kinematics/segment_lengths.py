@@ -22,7 +22,7 @@ def length_information(tree: Tree, mean_m: np.ndarray, covariance: np.ndarray) -
     """
     before, after = np.linalg.inv(tree.shape_covariance), np.linalg.inv(covariance)
     values, axes = np.linalg.eigh(after - 0.5 * (before + before.T))
-    # Lengths drift in the motion model, so that unobserved directions may hold less information than the prior.
+    # Lengths drift in the motion model, so unobserved directions may hold less information than the prior.
     values = np.maximum(values, _MIN_SHARE * np.trace(before) / len(before))
     return (axes * values) @ axes.T, after @ (mean_m - tree.shape_m)
 

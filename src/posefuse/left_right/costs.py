@@ -26,7 +26,7 @@ class LastObservations:
         points_m: shape (pair, 2, 3).
         covariance_m2: shape (pair, 2, 6).
         points_s: shape (pair, 2): time of each point.
-        odds: shape (pair, view): log-odds of each view's labels.
+        odds: shape (pair, view): log odds of each view's labels.
         odds_s: shape (pair, view): time of the labels.
     """
 
@@ -83,7 +83,7 @@ def linkage_costs(sequence: PersonSequence, layout: Layout, model: SideModel) ->
 
 
 def _label_agreement(layout: Layout, model: SideModel) -> np.ndarray:
-    """Return log-odds beyond chance that two labels of a chain agree, shape (link, view)."""
+    """Return log odds beyond chance that two labels of a chain agree, shape (link, view)."""
     differ_by_chance = 2.0 * model.swap_share * (1.0 - model.swap_share)
     differ = np.maximum(differ_by_chance * (1.0 - model.chain_correlation), 0.005)
     beyond_chance = np.log((1.0 - differ) / differ) - np.log((1.0 - differ_by_chance) / differ_by_chance)

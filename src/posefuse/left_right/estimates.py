@@ -260,7 +260,7 @@ def _percentile(values: np.ndarray, percent: float, default: float) -> np.ndarra
 
 
 _MIN_LOG_ODDS = 2.5
-"""Labels with smaller log-odds can be noise, which varies faster than swaps."""
+"""Labels with smaller log odds can be noise, which varies faster than swaps."""
 _PRIOR_LABELS = 30.0
 """Number of labels that the expected statistics of a view count for, where labels persist or agree."""
 _PRIOR_CORRELATION = np.array(0.5)

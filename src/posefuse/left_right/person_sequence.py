@@ -9,7 +9,7 @@ from posefuse.left_right.layout import Layout
 from posefuse.left_right.results import PairSequence
 
 _MAX_LOG_ODDS = 4.0
-"""Bound on the log-odds of one label: an outlier can resemble anything."""
+"""Bound on the log odds of one label: an outlier can resemble anything."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +19,7 @@ class PersonSequence:
     Attributes:
         points: shape (frame, pair, 2, 3), NaN where missing.
         covariance: shape (frame, pair, 2, 6).
-        odds: shape (frame, pair, view): log-odds that the view's labels are swapped relative to the order.
+        odds: shape (frame, pair, view): log odds that the view's labels are swapped relative to the order.
         time_s: shape (frame,).
         unpaired: shape (frame, U, 3): keypoints without an opposite side.
     """

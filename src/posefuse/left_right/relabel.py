@@ -245,7 +245,7 @@ def independent_swaps(evidence: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             information.
 
     Returns:
-        The same shape, bool; and shape (view,): twice the log-odds against it.
+        The same shape, bool; and shape (view,): twice the log odds against it.
     """
     evidence = np.clip(evidence.astype(np.float64), -_MAX_EVIDENCE, _MAX_EVIDENCE)
     share = np.full(evidence.shape[-1], _INITIAL_SHARE)

@@ -10,7 +10,7 @@ from posefuse.left_right.results import PairSequence
 from posefuse.model.options.left_right import SideOptions
 
 _MIN_LOG_ODDS = 0.5
-"""Smallest log-odds of a decisive label."""
+"""Smallest log odds of a decisive label."""
 
 
 def view_swap_states(sequence: PairSequence, flipped: np.ndarray, layout: Layout, options: SideOptions) -> np.ndarray:

@@ -94,7 +94,7 @@ class FrameReport:
         views: views in the rig's order.
         people: people who are not absent.
         events: events within a second, in order.
-        complete: whether the 2D keypoints were given, so that unassigned detections are included.
+        complete: whether the 2D keypoints were given; only then are unassigned detections included.
     """
 
     number: int

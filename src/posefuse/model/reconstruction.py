@@ -184,10 +184,10 @@ class Reconstruction:
                 raise ResultError(f"Layer {name!r}: expected points of shape {expected}, got {layer.points_m.shape}.")
             if layer.view_status.shape[-1] != len(self.rig):
                 raise ResultError(
-                    f"Layer {name!r} has {layer.view_status.shape[-1]} views, the rig {len(self.rig)} cameras."
+                    f"Layer {name!r} has {layer.view_status.shape[-1]} views, but the rig has {len(self.rig)} cameras."
                 )
         if self.tracks is not None and self.tracks.person_ids != self.person_ids:
-            raise ResultError(f"Tracks are of {self.tracks.person_ids}, the reconstruction of {self.person_ids}.")
+            raise ResultError(f"Tracks are of {self.tracks.person_ids}, but the result is of {self.person_ids}.")
 
     @property
     def n_frames(self) -> int:

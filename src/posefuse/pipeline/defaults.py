@@ -135,8 +135,8 @@ def resolve_min_views(options: Options, n_cameras: int) -> tuple[Options, tuple[
 def resolve_pairs(options: Options, n_cameras: int, skeleton: Skeleton) -> Options:
     """Fill in how left/right pairs of keypoints are solved.
 
-    Methods that do not support left/right pairs use the labels as they are. People tracked without a
-    smoother are what a live stream gives, while sides are decided with later frames, which a stream does not have.
+    Methods that do not support left/right pairs use the labels as they are. So do people tracked without
+    a smoother: they must equal those of a live stream, which lacks the later frames that decide the sides.
     """
     causal = options.people == "many" and options.tracker.smoother == "none"
     as_labeled = causal or not find_method(options.triangulation.method).supports_left_right
@@ -147,8 +147,8 @@ def resolve_pairs(options: Options, n_cameras: int, skeleton: Skeleton) -> Optio
 def resolve_solve(options: Options, facts: RecordingFacts, n_cameras: int) -> Options:
     """Resolve ``solve = "auto"``: frame by frame, or all frames together.
 
-    All together for one subject and at least ten seconds, from which motion and bones can be estimated. Tracked people
-    have fitted bodies, which are smooth already. The triangulation method must support it.
+    All frames are solved together for one subject and at least ten seconds, which suffice to estimate motion and
+    bones, if the triangulation method supports it. Tracked people have fitted bodies, which are smooth already.
 
     Raises:
         DetectionsError: if a solve over time is requested and frame times are unknown.

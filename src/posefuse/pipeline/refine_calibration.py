@@ -67,10 +67,9 @@ class RecordingSource:
         """
         if self.several:
             raise CalibrationError(
-                f"Camera {name!r} cannot be located without a pose from keypoints of several people, because they "
+                f"Camera {name!r} has no pose and cannot be located from keypoints of several people, because people "
                 "cannot be associated before the pose is known. Use a part of the recording with one person "
-                "(--start-s, --end-s) "
-                "or a board (--from board)."
+                "(--start-s, --end-s), or a board (--from board)."
             )
         one = self.detections.views([name])
         pixels = np.full((self.n_frames, len(one.skeleton), 2), np.nan)

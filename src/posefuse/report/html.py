@@ -1,4 +1,4 @@
-"""The report: one self-contained HTML file, the same bytes for the same result."""
+"""The report: one self-contained HTML file, byte-identical for the same result."""
 
 import json
 from collections.abc import Callable, Iterator

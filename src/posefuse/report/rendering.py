@@ -1,4 +1,4 @@
-"""Rendering of figures to PNG and SVG: one style, no window, the same bytes for the same numbers."""
+"""Rendering of figures to PNG and SVG: one style, no window, byte-identical for the same numbers."""
 
 import io
 import warnings

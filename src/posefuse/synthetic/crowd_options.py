@@ -18,7 +18,7 @@ class CrowdFaults:
 
     Attributes:
         hidden_miss_share: Fraction of occluded keypoints that are missed, in intervals of 0.2 s.
-        hidden_confidence: Factor on the confidence of occluded keypoints; their errors grow by its inverse.
+        hidden_confidence: Factor for the confidence of occluded keypoints; their errors grow by its inverse.
         hidden_error: Further factor on the errors of occluded keypoints.
         visible_share: Minimum fraction of visible keypoints at which a person is detected.
         smallest_px: Minimum extent in the image at which a person is detected.

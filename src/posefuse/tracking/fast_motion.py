@@ -122,7 +122,7 @@ def find_fast_motions(
     shift = np.zeros((*cost.shape, 3))
     for i, p in enumerate(candidates):
         n_views = np.count_nonzero(rows[p] >= 0)
-        # A person whom no view shows must be elsewhere, so that even odds suffice.
+        # A person whom no view shows must be elsewhere, so even odds suffice.
         likely = proposals.log_odds >= (initiation.promote_log_odds if n_views else 0.0)
         for j in np.flatnonzero(likely & (proposals.n_views > max(n_views, 1))):
             displacement = proposals.points_m[j] - points_m[p]

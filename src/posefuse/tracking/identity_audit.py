@@ -82,7 +82,7 @@ def update_contacts(
     if len(tracks) < 2:
         return
     supported, expected = outcome.supported, outcome.expected
-    # Most pairs are neither close nor were, so that they cost no more than their distance.
+    # Most pairs are neither close nor were, so they cost no more than their distance.
     known = {(index[first], index[second]) for first, second in contacts}
     for (p, one), (q, other) in combinations(enumerate(state.root.tolist()), 2):
         distance_m = math.dist(one, other)

@@ -74,7 +74,7 @@ def find_lost_track(
 
 
 def population_is_known(tracks: list[Track], settings: TrackerSettings) -> bool:
-    """Return whether all individuals have been tracked, so that no new identity is possible."""
+    """Return whether all individuals have been tracked, so no new identity is possible."""
     population = settings.options.population
     return population is not None and sum(track.established for track in tracks) >= population
 
@@ -118,7 +118,7 @@ def same_body_log_odds(
     tree, options = settings.tree, settings.options
     n, h = tree.n_pose, tree.n_shape
     known = track.known_shape or (state.shape[index], state.covariance[index, n : n + h, n : n + h])
-    # Each observation places the joints differently, so that lengths differ systematically between observations.
+    # Each observation places the joints differently, so lengths differ systematically between observations.
     share, offset_m = options.reidentification.length_sd_share, options.reidentification.length_sd_m
     floor = 0.5 * np.diag((share * np.abs(tree.shape_m) + offset_m) ** 2)
     theirs, error = measured_lengths(tree, *known)

@@ -130,7 +130,7 @@ def filter_memory_s(
 ) -> np.ndarray:
     """Return the correlation time of detection errors for the filter, in seconds, shape (track,).
 
-    Errors last longer than the filter looks back. With fewer views each frame carries less information, so that the
+    Errors last longer than the filter looks back. With fewer views each frame carries less information, so the
     filter looks back farther and correlated errors weigh more; with longer times between frames fewer frames share an
     error. The distance of a person in a single view follows from the apparent size, which hardly changes: over that the
     filter averages as many frames as the smoother, and needs the smoother's correlation time.

@@ -1,7 +1,7 @@
 """Priors on posture and height for people whom a single view shows.
 
 A single view measures the distance of a person by the apparent size, which correlated errors change by a tenth and
-more. A bone that errors shorten turns toward the view or away from it; one that they lengthen cannot turn, so that
+more. A bone that errors shorten turns toward the view or away from it; one that they lengthen cannot turn, so
 bodies without further constraints drift closer. Two quantities stay about what they were while several views showed the
 person: the inclination of the trunk with the angle between each bone and the trunk, and the height of the body's lowest
 point, because floors are level. The height needs a calibration with a known up axis.
@@ -111,9 +111,9 @@ def apply_height_prior(
 
 
 def _lean_rows(body: State, recent: RecentHistory, p: int, lean_sd: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return Jacobian of the leans, shape (lean, pose), their residuals and their variances, shape (lean,).
+    """Return the Jacobian of the inclinations, shape (inclination, pose), their residuals and their variances.
 
-    The first two leans are those of the trunk in the world, the others those of all other movers to the trunk.
+    The first two are those of the trunk in the world, the others those of all segments and bones to the trunk.
     """
     segments, n = body.turns.shape[1], body.velocity.shape[1]
     frames = np.concatenate([body.turns[0], body.bones[0]])

@@ -1,7 +1,7 @@
 """Fixed-interval smoother over the history of a tracker.
 
 Detection errors are correlated over several frames. A filter averages over so few frames that the correlation hardly
-matters; a smoother averages over more, so that it must model the correlation. So each person is filtered again with
+matters; a smoother averages over more, so it must model the correlation. So each person is filtered again with
 less information per frame (:mod:`posefuse.tracking.tempering`), then smoothed from the last frame to the first: Rauch,
 Tung and Striebel (1965), on the error state, in which differences of turns are logarithms, those of bones the smallest
 turn from one direction to the other, and corrections are applied as the filter applies its own. See
@@ -168,7 +168,7 @@ class _LaterRun:
 def _smoothed_by(state: State, time_s: np.ndarray, later: _LaterRun | None, settings: TrackerSettings) -> State:
     """Smooth a run's states, possibly in place, with the run with which the filter was initialized again afterward.
 
-    That filter started without information from this run, so that its first state is an independent observation.
+    That filter started without information from this run, so its first state is an independent observation.
     """
     if later is None:
         smooth_in_place(state, time_s, settings)

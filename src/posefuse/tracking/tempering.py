@@ -121,7 +121,7 @@ def _refilter_frame(
     """Filter one frame again: where a shape becomes fixed or free, and where rounding matters.
 
     A frame with a reinitialized limb loses information. No share of that can be applied, and it is not information of
-    the frame, so that the state is that of the filter.
+    the frame, so the state is that of the filter.
     """
     k = step.frame
     after = select_states(filtered, [k])

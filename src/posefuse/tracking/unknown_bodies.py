@@ -13,7 +13,7 @@ _MIN_BODIES = 5
 _LENGTH_PENALTY = 0.1
 """Share of a distance that counts as variation, so that the shorter of two equally constant distances is the bone."""
 _EDGE_FACTOR = 1e-3
-"""Factor on the variation of the skeleton's edges, which makes them bones before any other distance."""
+"""Factor for the variation of the skeleton's edges, which makes them bones before any other distance."""
 _SPREAD = 0.2
 _MEDIAN_OF_NOISE = 2.0 * np.log(2.0) / 3.0
 """Median of the squared noise across a bone, which has two of three axes, relative to the trace of its covariance."""

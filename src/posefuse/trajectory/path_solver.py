@@ -56,7 +56,7 @@ _MIN_AGREEING, _MIN_CONSECUTIVE = 3, 3
 
 
 _PERSISTENT_LIMIT_FACTOR = 0.65
-"""Factor on the rejection limits if errors are persistent, because errors of successive frames do not cancel."""
+"""Factor for the rejection limits if errors are persistent, because errors of successive frames do not cancel."""
 
 
 _BONE_REACH = 3.0
@@ -216,7 +216,7 @@ class PathSolver:
         return 2 if person_priors.persistent_ratio > 0.0 else _MIN_AGREEING
 
     def _restore_agreed_views(self, weights: np.ndarray, min_agreeing: int) -> np.ndarray:
-        """Return the weights, with those of the measured point where the path was too smooth to keep two views."""
+        """Return the weights, or those of the measured point where the path is too smooth to keep two views."""
         agreed = self.observed.agreed & np.isfinite(self.observed.sigma_px)
         too_few = ((weights > 0.5).sum(axis=-1) < 2) & (agreed.sum(axis=-1) >= min_agreeing)
         # Require consecutive frames: in a single frame, three views may err alike by chance.

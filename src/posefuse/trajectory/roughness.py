@@ -21,7 +21,7 @@ class Roughness:
 
     Attributes:
         excess: shape (keypoint,): squared deviations beyond the expected ones, in units of the noise.
-        chance: shape (keypoint,): their variance by chance.
+        chance: shape (keypoint,): variance of these deviations that is expected by chance.
         information: shape (keypoint,): sum of the traces of the information of the frames, 1/m^2.
     """
 

@@ -144,7 +144,7 @@ class TestGroups:
         frame, owner = detect(rig, truth)
         pairs = propose_in(frame, rig, known_m=truth)
         assert sorted(people_of_proposals(pairs, owner), key=min) == [{0}, {1}]
-        # Said to show different people, two views of one person are no pair.
+        # Detections known to show different people are not paired.
         lone, _ = detect(rig, truth[:1], hidden=((0, 2), (0, 3), (0, 4)))
         assert len(propose_in(lone, rig)) == 1
         pixels = rig.project(truth[:1])
@@ -176,5 +176,5 @@ class TestGroups:
     def test_error_is_in_standard_deviations(self):
         rig, truth = people_rig(), separated_people(4)
         frame, _ = detect(rig, truth)
-        # 1.18 per axis, less what the points absorb: 3 of 10 numbers.
+        # 1.18 per axis, reduced by the 3 of 10 degrees of freedom of each point.
         assert np.median(propose_in(frame, rig).error_sigma) == pytest.approx(1.18 * np.sqrt(0.7), rel=0.12)

@@ -10,7 +10,7 @@ from posefuse.model.options.options import Options
 
 
 def do(job: Job) -> JobResult:
-    """Succeed, or as the folder's name says: die, or die the first time."""
+    """Succeed, or kill the process always or at the first attempt, depending on the folder's name."""
     word = job.folder.name.partition("_")[0]
     mark = job.output / job.name
     first = not mark.exists()

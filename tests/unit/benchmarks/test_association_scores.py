@@ -18,7 +18,7 @@ def views(*n: int) -> np.ndarray:
 
 
 def test_scores_of_two_frames_match_hand_computed_values():
-    """Of four people the oracle finds three and the proposals two of these; one proposal of four is nobody."""
+    """The oracle matches three of four people, the proposals two of these; one proposal is false."""
     truth = [at(0.0, 2.0), at(0.0, 2.0)]
     oracle = [at(0.06, 2.08), at(0.06, np.nan)]
     proposals = [at(0.05, 9.0), at(0.1, 2.2)]

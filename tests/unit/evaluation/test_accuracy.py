@@ -149,5 +149,5 @@ def test_nothing_is_interpolated_across_gaps_of_the_truth():
 def test_nothing_to_compare(truth):
     with pytest.raises(ResultError, match="no common point"):
         evaluate(moved(truth, np.full(3, np.nan)), truth_from_result(truth, truth))
-    with pytest.raises(ResultError, match="10 frames, the result 5"):
+    with pytest.raises(ResultError, match="10 frames, but the result has 5"):
         evaluate(truth.frames(0, 5), truth_from_result(truth, truth))

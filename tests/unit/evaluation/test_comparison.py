@@ -1,4 +1,4 @@
-"""Numbers of a comparison, on scenes where they are known."""
+"""Numbers of a comparison in scenes with known results."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Identity scores on cases worked out by hand, and what they must not depend on."""
+"""Identity scores against hand computations, and their invariances."""
 
 import math
 

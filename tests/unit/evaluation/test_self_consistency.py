@@ -1,4 +1,4 @@
-"""What a result says of itself: by hand, and of a real run."""
+"""Self-consistency of results against hand computations and a simulated recording."""
 
 from dataclasses import replace
 

@@ -35,7 +35,7 @@ class TestChains:
         sides = assign(data.given)
         assert not sides.flipped.any()
         assert (sides.chain_swapped[..., 1:] <= 0).all()
-        # Eyes that a view sees one above the other are swapped by the noise itself.
+        # Noise alone swaps eyes that are above each other in a view.
         assert (sides.chain_swapped[..., 0] == 1).mean() < 0.01
 
     def test_no_flips_of_single_frames(self):

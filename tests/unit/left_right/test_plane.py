@@ -45,7 +45,7 @@ class TestPlane:
 
     def test_other_up_axis(self):
         data = self.walker("+x")
-        # x, y, z become z, x, y: what was +x is +z, what was up, z, is y.
+        # x, y, z become z, x, y: +x becomes +z, and the up axis z becomes y.
         y_up = replace_pairs(
             replace(data.given, rig=replace(data.given.rig, up_axis="y")),
             points_m=data.given.pairs.points_m[..., [1, 2, 0]],

@@ -121,7 +121,7 @@ def test_evidence_is_positive_for_swapped_labels(scene):
     arms = [pair in swapped.skeleton.chains["arm"] for pair in swapped.skeleton.pairs]
     assert (evidence[:, arms, 1] > 0.0).mean() > 0.9
     assert (evidence[:, :, [0, 2, 3]] < 0.0).mean() > 0.9
-    # Tails: however wrong, an observation is not the evidence of hundreds.
+    # Heavy tails limit the evidence of a single outlier.
     assert np.abs(evidence).max() < 100.0
 
 

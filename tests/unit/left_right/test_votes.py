@@ -26,7 +26,7 @@ class TestVotes:
         np.testing.assert_array_equal(assign(swapped.given, "votes").flipped, ~assign(mirrored, "votes").flipped)
 
     def test_votes_are_weighted_by_confidence_and_direction(self):
-        """A confident view that sees the points side by side outvotes two that see one behind the other."""
+        """A confident view with the points side by side outweighs two views with one point behind the other."""
         rig = build_rig("ring", 4)
         points = np.array([[[[0.2, 0.0, 1.0], [-0.2, 0.0, 1.0]]]])
         used = np.array([[[[0, 1], [1, 0], [0, 1], [-1, -1]]]], dtype=np.int8)

@@ -1,4 +1,4 @@
-"""What is told of cameras while a stream runs: once when it goes wrong, once when it is over."""
+"""Warnings about cameras during a stream: once when a fault begins and once when it ends."""
 
 from posefuse.live.camera_warnings import CameraWarnings
 from posefuse.live.statistics import ViewCounts
@@ -20,7 +20,7 @@ def test_silent_camera_is_reported_once_and_again_on_its_return():
     assert second(True, False) == []
     assert second(True, True) == ["right sends again and is used."]
     assert second(True, True) == []
-    # With nobody there, the stream is over, or everybody takes a break.
+    # Without active cameras the stream has ended or is paused.
     assert second(False, False) == []
     messages = [sentence for _ in range(4) for sends in (False, True) for sentence in second(True, sends)]
     assert len(messages) == 3

@@ -1,4 +1,4 @@
-"""Views become frames: by hand, and by law for any order, loss and delay. Nothing here looks at a clock."""
+"""Grouping of views into frames, for any order, loss and delay; no test depends on the clock."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -119,7 +119,7 @@ def test_pause_of_all_cameras_makes_none_silent():
 
 
 def test_clock_that_is_ahead_delays_no_other_camera():
-    """By more than the wait, and less than what counts as a jump: its views still find their frames."""
+    """A clock that is ahead by more than the wait and less than a jump still matches its frames."""
     messages = [(now, v, t + 0.3 * (v == 1)) for now, v, t in steady(100)]
     grouper = Grouper(4, OPTIONS)
     groups = feed(grouper, messages)

@@ -1,4 +1,4 @@
-"""From lines to lines: the tracker's people, what was dropped, and any bytes whatever."""
+"""Live sessions: people, dropped frames, and arbitrary input."""
 
 import json
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Cameras and rigs: what they accept, and the sentence where they do not."""
+"""Cameras and rigs: valid values and error messages."""
 
 import numpy as np
 import pytest

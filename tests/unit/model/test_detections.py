@@ -1,4 +1,4 @@
-"""Detections: ragged columns, ranges, views, skeletons, and what they refuse."""
+"""Detections: ragged columns, ranges, views, skeletons and errors."""
 
 from dataclasses import replace
 

@@ -53,7 +53,7 @@ def test_inconsistent_arrays_are_refused(result):
         replace(result, layers={"raw": layer})
     with pytest.raises(ResultError, match="needs at least one layer"):
         replace(result, layers={})
-    with pytest.raises(ResultError, match="has 3 views, the rig 2 cameras"):
+    with pytest.raises(ResultError, match="has 3 views, but the rig has 2 cameras"):
         replace(result, rig=ring(2))
     with pytest.raises(ResultError, match="Tracks are of"):
         replace(result, person_ids=("someone",))

@@ -1,4 +1,4 @@
-"""Numbers of every n-th frame: the same however they come, and never more than is to be held."""
+"""Samples of every n-th frame do not depend on chunks and have a bounded size."""
 
 import numpy as np
 from hypothesis import given

@@ -70,7 +70,7 @@ def test_cameras_have_different_scales_where_noise_differs(rng):
 
 
 def test_constant_camera_error_is_not_counted_as_noise(rng):
-    """What lasts says of no camera that it is the wrong one: all count alike."""
+    """A constant error does not show which camera is wrong, so that all have the same scale."""
     data = walk(200)
     pixels = data.pixels.copy()
     pixels[:, 2] += [6.0, 4.0]

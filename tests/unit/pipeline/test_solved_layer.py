@@ -193,7 +193,7 @@ def test_auto_solves_one_subject_over_time_in_long_recordings(scene, changes, ca
 
 
 def test_windows_of_a_trajectory_join_smoothly():
-    """Motion rougher than any smooth path, gross errors, and a wrist that one camera sees across a seam."""
+    """Rough motion, gross errors, and a wrist in a single view across a window border."""
     rng = np.random.default_rng(4)
     rig, frames = ring(4), 1300
     truth = swinging(frames) + 0.003 * rng.standard_normal((frames, 3, 3))

@@ -58,7 +58,7 @@ def test_gaps_of_more_than_two_frames_are_not_interpolated():
     pixels[20:23, 1] = np.nan
     gap = Detections.from_dense(detections.skeleton, ("a", "b"), pixels, rate_hz=RATE)
     shown = align(gap)
-    # Frames 20 to 22 of the view were taken at 22.4 to 24.4: nothing is known from 21.4 to 25.4.
+    # Frames 20 to 22 of the view were taken at 22.4 to 24.4, so that it has no data from 21.4 to 25.4.
     assert np.isnan(shown[22:26, 1]).all()
     assert np.isfinite(shown[[21, 26], 1]).all()
 

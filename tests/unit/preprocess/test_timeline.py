@@ -1,4 +1,4 @@
-"""Views on one line of frames: by time, whatever the numbers of their frames are."""
+"""Alignment of views on a common timeline by time instead of frame numbers."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ DOTS = Skeleton("dots", ("a", "b"))
 
 
 def of_views(*times: np.ndarray, first: tuple[int, ...] | None = None) -> Detections:
-    """One person a view and frame, whose place in the image is the time; files number frames from ``first``."""
+    """Return one person per view and frame whose pixel position is the time; frames are numbered from ``first``."""
     begins = first or (0,) * len(times)
     numbers = np.arange(min(begins), max(b + len(t) for b, t in zip(begins, times, strict=True)))
     recorded = np.stack([(numbers >= b) & (numbers < b + len(t)) for b, t in zip(begins, times, strict=True)], axis=1)

@@ -1,4 +1,4 @@
-"""Detections that say how noisy they are: weighted by it, and the points are better for it."""
+"""Weights of detections with stated standard deviations."""
 
 from dataclasses import replace
 
@@ -81,7 +81,7 @@ def test_points_weighted_by_their_true_noise_are_better(method, rng):
         return np.sqrt(np.nanmean(off**2))
 
     assert error_m(replace(noisy, sigma_px=sigma)) < 0.75 * error_m(noisy)
-    # A common factor is nothing that says which view is the better one.
+    # A common factor does not change the relative weights of views.
     assert error_m(replace(noisy, sigma_px=sigma)) == pytest.approx(
         error_m(replace(noisy, sigma_px=1.7 * sigma)), rel=0.02
     )

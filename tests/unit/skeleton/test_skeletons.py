@@ -1,4 +1,4 @@
-"""Skeletons: the shipped ones, their maps, and what a TOML file may say."""
+"""Skeletons: the shipped ones, their mappings, and TOML files."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Kinematic trees: what a table may say, what it makes, and what it is told when it is wrong."""
+"""Kinematic trees: valid tables, the resulting trees, and errors."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ PARTNER = {"left_hip": "right_hip", "left_knee": "right_knee", "left_ankle": "ri
 
 
 def table(**changes: object) -> dict[str, object]:
-    """A pelvis with legs, and a head that sits on a neck which no detector sees."""
+    """Return the table of a pelvis with legs, and a head on a neck without a keypoint."""
     whole: dict[str, object] = {
         "segments": {"pelvis": {}, "head": {"at": "neck"}},
         "points": {

@@ -21,7 +21,7 @@ def crowd():
 
 class TestDetector:
     def of_still_people(self, law=CLEAN, faults=NO_FAULTS, n_frames=3000, apart_m=1.5, **options):
-        """Two people who stand still side by side, as five cameras see them."""
+        """Return two people who stand side by side in five views."""
         one = simulate_crowd(CrowdOptions(people=1, duration_s=0.1)).truth
         pose = np.asarray(one.layers["measured"].points_m)[0, 0]
         pose = pose - np.append(pose[:, :2].mean(axis=0), 0.0)

@@ -1,4 +1,4 @@
-"""Several people: the truth of each scenario, and a detector for crowds that follows its law."""
+"""Simulated scenarios with several people."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The synthetic world: constant bones, smooth motion, a detector that follows its law."""
+"""Simulated scenes with one subject."""
 
 import numpy as np
 import pytest

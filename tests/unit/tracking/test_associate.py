@@ -10,15 +10,15 @@ from posefuse.tracking.associate import suppress_single_view_matches
 @pytest.mark.parametrize(
     ("gain", "rows", "lost", "after"),
     [
-        # One view shows the second by what fits the first better, who has another one there.
+        # The only detection of the second track fits the first one better, which has its own in that view.
         ([[9.0, 8.0], [1.0, 4.0]], [[0, 2], [1, -1]], [False, False], [[0, 2], [-1, -1]]),
-        # It fits the second better.
+        # It fits the second track better.
         ([[9.0, 3.0], [1.0, 4.0]], [[0, 2], [1, -1]], [False, False], [[0, 2], [1, -1]]),
-        # The first has none there.
+        # The first track has no detection in that view.
         ([[9.0, 8.0], [1.0, 4.0]], [[-1, 2], [1, -1]], [False, False], [[-1, 2], [1, -1]]),
-        # Another view shows the second, too.
+        # Another view shows the second track, too.
         ([[9.0, 8.0, 9.0, 0.0], [1.0, 4.0, 0.0, 9.0]], [[0, 2], [1, 3]], [False, False], [[0, 2], [1, 3]]),
-        # One view alone does not move who is lost.
+        # A single view does not update a lost track.
         ([[9.0, 1.0], [1.0, 9.0]], [[0, 2], [1, -1]], [False, True], [[0, 2], [-1, -1]]),
     ],
 )

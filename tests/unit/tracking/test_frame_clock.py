@@ -1,4 +1,4 @@
-"""The clock of the tracker moves forward whatever cameras drop."""
+"""The clock of the tracker moves forward even if cameras drop frames."""
 
 import numpy as np
 import pytest
@@ -65,7 +65,7 @@ def test_detections_without_a_time_are_an_error():
 def test_dropped_frame_of_a_late_camera_does_not_reverse_time():
     clock = after(frame(0, 0.0, 0.025), frame(1, 0.02, 0.045))
     assert 0.0 < clock.advance(frame(2, 0.04, NAN, people=1)) < 1e-3
-    # What the view shows is as old a news as ever: its own last frame was 20 ms before.
+    # The age of the view's information does not change: its own last frame was 20 ms before.
     assert clock.view_dt_s == pytest.approx(0.02)
     assert clock.advance(frame(3, 0.06, 0.085)) == pytest.approx(0.04, abs=1e-3)
 

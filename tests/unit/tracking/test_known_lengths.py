@@ -23,7 +23,7 @@ def test_measured_thigh_has_the_measured_length(name):
     tree = with_known_lengths(SKELETON, TrackerOptions(known_m=(f"{name}=0.5",), known_sd_m=0.001)).tree
     assert tree.shape_m[KNEE] == pytest.approx(0.5, abs=1e-3)
     assert np.sqrt(tree.shape_covariance[KNEE, KNEE]) == pytest.approx(0.001, rel=0.01)
-    # Who has long thighs has longer shanks than others.
+    # Thigh and shank lengths are correlated.
     ankle = TREE.shape_names.index("left_ankle")
     assert TREE.shape_m[ankle] < tree.shape_m[ankle] < TREE.shape_m[ankle] * 0.5 / TREE.shape_m[KNEE]
     assert np.linalg.eigvalsh(tree.shape_covariance).min() > 0.0

@@ -216,7 +216,7 @@ def test_whole_body_recording_is_reconstructed(scene):
     assert result.poses.segments[-4:] == ("left_palm", "right_palm", "face", "jaw")
     names, degrees, sds = angle_table(result)
     assert len(set(names)) == len(names) == degrees.shape[-1]
-    # What is known of an angle is said, but for what is carried by a limb whose twist is not seen.
+    # Angles have standard deviations unless a limb with an unobserved twist carries them.
     twisted = [name.split(".")[0] in ("left_foot", "right_foot", "left_palm", "right_palm") for name in names]
     messages = np.isfinite(sds[10:, 0])
     assert not messages[np.isnan(degrees[10:, 0])].any()

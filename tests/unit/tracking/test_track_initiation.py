@@ -71,7 +71,7 @@ def test_more_frames_in_the_same_time_add_no_information(rate_hz):
     many = spread(fit_motionless_body(settings, np.arange(0.0, AGE_S + 1e-9, 1.0 / rate_hz)), settings)
     n = settings.tree.n_pose
     np.testing.assert_allclose(many[n:], few[n:], rtol=0.02)
-    # What the last frame stands for is later than what the many before it do, and the body moves.
+    # The last frame is the most recent one, and the body may move.
     assert (many[:n] > 0.99 * few[:n]).all()
     assert (many[:n] < 1.4 * few[:n]).all()
 

@@ -14,7 +14,7 @@ LENGTHS_M = np.array([0.3, 0.25])
 
 
 def turning(observed: np.ndarray) -> tuple[Paths, np.ndarray]:
-    """A wrist that passes its elbow across the view in frame 20; views look along x; of seen frames two do."""
+    """A wrist passes its elbow across the view in frame 20; views look along x."""
     paths_m = np.zeros((3, FRAMES, 3))
     paths_m[0] = (0.0, 0.0, 0.3)
     angle = np.linspace(-1.0, 1.0, FRAMES)

@@ -20,7 +20,7 @@ from tests.unit.trajectory.path_problems import ARM, exact_pixels, measured, par
 
 
 def white_jerk(frames: int, density: float, seed: int) -> np.ndarray:
-    """Shape (frame, 3, 3): paths whose jerk is white noise of a known density, tied to a place by a slow pull."""
+    """Return paths with white-noise jerk of a known density and a weak restoring force, shape (frame, 3, 3)."""
     rng = np.random.default_rng(seed)
     rows = Smoothness.of("jerk", np.arange(frames) / 60.0)
     dense = np.zeros((frames, frames))

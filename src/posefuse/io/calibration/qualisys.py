@@ -152,13 +152,13 @@ def write(rig: CameraRig, path: Path) -> None:
 
 def _check_xml_text(text: str) -> str:
     if _NOT_IN_XML.search(text):
-        raise FileError(f"the format of Qualisys is XML, which does not allow some characters of {text[:40]!r}")
+        raise FileError(f"the Qualisys format is XML, which does not allow some characters of {text[:40]!r}")
     return text
 
 
 def _add_camera(cameras: ElementTree.Element, camera: Camera) -> None:
     if camera.lens not in (LensModel.PINHOLE, LensModel.BROWN):
-        raise FileError(f"the format of Qualisys has only k1 k2 p1 p2 k3, and camera {camera.name!r} has others")
+        raise FileError(f"the Qualisys format has only k1 k2 p1 p2 k3, and camera {camera.name!r} has others")
     k1, k2, p1, p2, k3 = camera.distortion or (0.0,) * 5
     width, height = camera.size_px
     about = {

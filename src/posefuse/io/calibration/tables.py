@@ -46,12 +46,7 @@ def camera_from_table(path: Path, key: str, table: Mapping[str, Any], meters_per
     name = str(table.get("name", key))
     if not isinstance(table.get("fisheye", False), bool):
         raise FileError(f"{path}, table [{key}]: fisheye should be true or false, got {table['fisheye']!r}.")
-    if any(_has_bool(table[field]) for field in _NEEDED):
-        raise FileError(f"{path}, table [{key}]: one of {choices(_NEEDED)} does not consist of numbers.")
-    try:
-        numbers = {field: np.asarray(table[field], dtype=np.float64) for field in _NEEDED}
-    except (TypeError, ValueError, OverflowError):
-        raise FileError(f"{path}, table [{key}]: one of {choices(_NEEDED)} does not consist of numbers.") from None
+    numbers = {field: _numbers(table[field], f"{path}, table [{key}]: {field}") for field in _NEEDED}
     extreme = [field for field in _NEEDED if np.any(np.abs(numbers[field]) >= MAX_PLAUSIBLE)]
     if extreme:
         raise FileError(f"{path}, table [{key}]: {extreme[0]} has implausible values: {table[extreme[0]]}.")
@@ -102,6 +97,16 @@ def metadata_texts(rig: CameraRig) -> dict[str, list[str]]:
     """Return the notes of a rig as entries of ``[metadata]``, which :func:`texts` reads."""
     entries = {"left_out": list(rig.left_out), "notes": list(rig.notes)}
     return {key: values for key, values in entries.items() if values}
+
+
+def _numbers(value: Any, what: str) -> np.ndarray:
+    """Return a value of a file as an array; booleans are not numbers."""
+    try:
+        if not _has_bool(value):
+            return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise FileError(f"{what} should consist of numbers, got {repr(value)[:60]}.")
 
 
 def _has_bool(value: Any) -> bool:

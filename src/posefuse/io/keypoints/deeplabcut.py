@@ -126,7 +126,9 @@ def read(path: Path, request: Request) -> Detections:
     assert parts is not None
     skeleton = request.skeleton or skeleton_of("deeplabcut", parts)
     if len(skeleton) != len(parts):
-        raise FileError(f"{path} has {len(parts)} body parts, skeleton {skeleton.name} has {len(skeleton)} keypoints.")
+        raise FileError(
+            f"{path} has {len(parts)} body parts, but skeleton {skeleton.name} has {len(skeleton)} keypoints."
+        )
     notes = (f"{path.name}: other columns of each body part are not used: {choices(sorted(unused))}.",)
     return assemble(path, views, skeleton, request.rate_hz, notes if unused else ())
 

@@ -113,7 +113,7 @@ def _columns_of(files: Sequence[Path]) -> dict[str, str]:
     for file in files[1:]:
         if set(column_names(file)) != existing:
             raise FileError(
-                f"{file} has the columns {choices(column_names(file))}, {files[0].name} has "
+                f"{file} has the columns {choices(column_names(file))}, but {files[0].name} has "
                 f"{choices(sorted(existing))}. Is the file truncated?"
             )
     named = {kind: next((name for name in names if name in existing), None) for kind, names in _COLUMN_NAMES.items()}

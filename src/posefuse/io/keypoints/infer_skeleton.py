@@ -60,10 +60,10 @@ def no_skeleton(path: Path) -> FileError:
 
 
 def wrong_skeleton(path: Path, n_keypoints: int, skeleton: Skeleton) -> FileError:
-    """Return the error for people with another number of keypoints than the skeleton."""
+    """Return the error for people whose number of keypoints differs from the skeleton's."""
     return FileError(
-        f"{path} has {n_keypoints} keypoints per person, skeleton {skeleton.name} has {len(skeleton)}. Choose another "
-        "with --skeleton, or omit it to infer the skeleton from the files."
+        f"{path} has {n_keypoints} keypoints per person, but skeleton {skeleton.name} has {len(skeleton)}. Choose "
+        "another with --skeleton, or omit it to infer the skeleton from the files."
     )
 
 

@@ -147,7 +147,7 @@ class _PeopleList:
     Attributes:
         view: The people, with ``person_id`` as track ids.
         place: Index of each person in the list of its file.
-        has_empty: Whether a list contains an empty person, so that ``place`` is the identity.
+        has_empty: Whether a list contains an empty person; if so, ``place`` identifies the person.
         parts: Hands and faces.
     """
 
@@ -271,7 +271,7 @@ def _columns(folder: Path, recorded: np.ndarray, people: _Rows, numbers: "array[
         other = next(i for i, length in enumerate(people.lengths) if length != common)
         raise FileError(
             f"{folder}, frame {people.frames[other]}: person {people.places[other]} has {people.lengths[other]} "
-            f"keypoints, others have {common}. All people must have the same keypoints. Is the file truncated?"
+            f"keypoints, but others have {common}. All people must have the same keypoints. Is the file truncated?"
         )
     keypoints = np.array(numbers, dtype=np.float64).reshape(len(people.frames), next(iter(people.lengths), 0), 3)
     return ViewColumns(

@@ -162,8 +162,8 @@ def _add_record(index: _RecordIndex, file: Path, record: Record, row: Mapping[st
         index.n_keypoints = index.n_keypoints or people.shape[1]
         if people.shape[1] != index.n_keypoints:
             raise FileError(
-                f"{where}: a person has {people.shape[1]} keypoints, others have {index.n_keypoints}. All must have "
-                "the same skeleton. Is the file truncated?"
+                f"{where}: a person has {people.shape[1]} keypoints, but others have {index.n_keypoints}. All must "
+                "have the same skeleton. Is the file truncated?"
             )
     if name not in index.names:
         index.names.append(name)

@@ -57,8 +57,8 @@ def view_columns(name: str, recorded: Iterable[int] | None, people: Sequence[Per
         common = lengths.most_common(1)[0][0]
         person, row = next((p, r) for p, r in zip(ordered, rows, strict=True) if len(r) != common)
         raise FileError(
-            f"{where}, frame {person.frame}: a person has {len(row)} keypoints, others have {common}. All people must "
-            "have the same keypoints. Is the file truncated?"
+            f"{where}, frame {person.frame}: a person has {len(row)} keypoints, but others have {common}. All people "
+            "must have the same keypoints. Is the file truncated?"
         )
     keypoints = without_missing(np.array(rows).reshape(len(rows), next(iter(lengths), 0), 3))
     frames = np.array([person.frame for person in ordered], dtype=np.int64)

@@ -177,7 +177,7 @@ def _index_lines(path: Path, lines: BinaryIO, header: _Header | None, request: R
     if not n_frames:
         raise FileError(f"{path} is an empty recording: it has no frames.")
     if len(frames) < n_frames:
-        raise FileError(f"{path} has {n_frames - len(frames)} frames more than once.")
+        raise FileError(f"{path} contains {n_frames - len(frames)} duplicate frames.")
     return content
 
 
@@ -198,7 +198,7 @@ def _add_frame(content: _Content, frame: _Frame, record: Record, where: str) -> 
             content.n_keypoints = content.n_keypoints or people.shape[1]
             if people.shape[1] != content.n_keypoints:
                 raise FileError(
-                    f"{where}, camera {name!r}: people have {people.shape[1]} keypoints, others have "
+                    f"{where}, camera {name!r}: people have {people.shape[1]} keypoints, but others have "
                     f"{content.n_keypoints}. All must have the same skeleton."
                 )
         content.sigma |= any(person.sigma_px is not None for person in camera.detections)

@@ -74,7 +74,7 @@ def read(path: Path, request: Request) -> Detections:
     assert nodes is not None
     skeleton = request.skeleton or nodes
     if len(skeleton) != len(nodes):
-        raise FileError(f"{path} has {len(nodes)} nodes, skeleton {skeleton.name} has {len(skeleton)} keypoints.")
+        raise FileError(f"{path} has {len(nodes)} nodes, but skeleton {skeleton.name} has {len(skeleton)} keypoints.")
     return assemble(path, views, skeleton, request.rate_hz)
 
 
@@ -94,7 +94,7 @@ def _load(file: Path) -> Any:
 
 def _skeleton(labels: Any) -> Skeleton:
     if len(labels.skeletons) != 1:
-        raise FileError(f"The file has {len(labels.skeletons)} skeletons, expected one.")
+        raise FileError(f"The file has {len(labels.skeletons)} skeletons; it must have one.")
     (stored,) = labels.skeletons
     nodes = [str(node.name) for node in stored.nodes]
     edges = [(str(edge.source.name), str(edge.destination.name)) for edge in stored.edges]

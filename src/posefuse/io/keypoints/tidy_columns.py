@@ -139,7 +139,7 @@ def _lines(path: Path, table: Any, cameras: Sequence[str] | None, skeleton: Skel
     camera, in_table = _coded(path, table, "camera")
     names = tuple(cameras) if cameras is not None else tuple(sorted(in_table))
     if not set(in_table) <= set(names):
-        raise FileError(f"{path} states the cameras {choices(names)}, but has rows of {choices(in_table)}.")
+        raise FileError(f"{path} lists the cameras {choices(names)}, but has rows for {choices(in_table)}.")
     keypoint, parts = _coded(path, table, "keypoint")
     order = tuple(parts) if skeleton is None else skeleton.keypoints
     unknown = [part for part in parts if part not in order]

@@ -5,8 +5,8 @@ four numbers per point (x, y, z, and a word with camera bits in its high byte an
 if the point is missing) and the analog samples. Numbers are integers or floats in the byte order of Intel, DEC or MIPS.
 
 ezc3d, which writes C3D files, is not used for reading: it rejects files of MIPS processors and reads no frames from
-some files with analog channels, see tests/unit/io/test_c3d_reading.py. This reader checks every size against that of
-the file.
+some files with analog channels, see tests/unit/io/results/test_c3d_reading.py. This reader checks every size against
+that of the file.
 """
 
 import math

@@ -116,7 +116,9 @@ def _format_of(path: Path, name: str | None) -> ResultFormat:
         return form
     names = [each.name for each in RESULTS.written()]
     if name is None and path.suffix.lower() == ".h5":
-        raise ResultError(f"{path.name} may be in the format deeplabcut or sleap; state which: format=... (--to ...).")
+        raise ResultError(
+            f"{path.name} may be in the format deeplabcut or sleap. Choose one with format=... (--to ...)."
+        )
     wrong = f"No format {name!r}. " if name else f"{path.name} ends in no known format. "
     raise ResultError(wrong + (suggestion(name, names) if name else f"Formats: {choices(names)}."))
 

@@ -28,7 +28,7 @@ class RptOptions:
         outlier_distance_m: Maximum distance of a pair's keypoint from the mean of all pairs; others are not merged.
         merged_pairs: Number of pairs nearest to the mean that are merged.
         min_pairs: Minimum number of pairs that support a person.
-        score_steepness: Factor on the relative error in the score 1 / (1 + factor * error).
+        score_steepness: Factor for the relative error in the score 1 / (1 + factor * error).
         max_error_share: Upper limit of a keypoint's reprojection error, as a fraction of the image size.
         reference_distance_m: Distance from the cameras at which the error has weight 1; the weight increases with
             distance.
@@ -60,7 +60,7 @@ class AssociationOptions:
 
     Attributes:
         method: Method that proposes people from the detections of several views.
-        sigma_factor: Factor on the noise when views are compared; detectors and viewpoints differ in where they place
+        sigma_factor: Factor for the noise when views are compared; detectors and viewpoints differ in where they place
             a keypoint by more than their random error.
         saturation_sigma: Residual beyond which a view's cost stays constant in the robust triangulation of proposals.
         full_weight_sigma: Residual up to which a view has full weight in the refinement of proposals.
@@ -72,12 +72,12 @@ class AssociationOptions:
         outlier_share: Expected fraction of wrong keypoints in a detection of the right person.
         independent_keypoints: Number of common keypoints beyond which further keypoints add no evidence, because
             errors of neighboring keypoints are correlated.
-        join_log_odds: Minimum log-odds at which a detection joins a group.
-        prior_log_odds: Prior log-odds of a group; groups with positive posterior log-odds are proposed.
-        miss_log_odds: Change of a group's log-odds for every view that should show the person and does not.
+        join_log_odds: Minimum log odds at which a detection joins a group.
+        prior_log_odds: Prior log odds of a group; groups with positive posterior log odds are proposed.
+        miss_log_odds: Change of a group's log odds for every view that should show the person and does not.
         independent_bones: Number of bones beyond which further bones add no evidence, because one wrong depth affects
             all of them.
-        swap_log_odds: Prior log-odds that a detection has left and right swapped.
+        swap_log_odds: Prior log odds that a detection has left and right swapped.
         known_person_distance_m: Maximum mean keypoint distance at which a detection shows an already tracked person.
         duplicate_sigma: Maximum mean keypoint distance of two detections of one person in the same view.
         max_seeds: Maximum number of detection pairs that are extended in one pass.

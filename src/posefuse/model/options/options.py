@@ -47,7 +47,8 @@ class Options:
         rate_hz: Frame rate, if the files do not state it.
         view_rates_hz: Frame rates of views that started together, each as view=rate, such as cam_2=60; other views use
             rate_hz.
-        reference_view: View whose frames define the common timeline; by default the slowest, and of these the longest.
+        reference_view: View whose frames define the common timeline; by default the slowest, or the
+            longest of several equally slow ones.
         third_channel: Meaning of the third number of a keypoint array.
         image_size: Width and height of the images, for keypoints given as fractions of the image.
         length_unit: Length unit of the calibration: m, cm or mm. It is needed if the format does not define it.

@@ -14,9 +14,9 @@ class InitiationOptions:
 
     Attributes:
         min_age_s: Age at which a tentative track can be confirmed (A_min), in seconds.
-        min_age_two_views_s: Age at which a tentative track that two views show can be confirmed, in seconds.
-        two_views_log_odds: With the strategy `posefuse`, log odds that the views must accumulate before a track that
-            two views show is confirmed; without contradicting views this takes 1 s.
+        min_age_two_views_s: Age at which a tentative track seen in only two views can be confirmed, in seconds.
+        two_views_log_odds: With the strategy `posefuse`, log odds that the views must accumulate before a track seen
+            in only two views is confirmed; without contradicting views this takes 1 s.
         hit_share: Minimum fraction of the frames of a tentative track that show it (K of L).
         min_views: Minimum average number of views that show a tentative track (V_min).
         max_error_sigma: Maximum median reprojection error of a tentative track (tau_repr).
@@ -53,7 +53,7 @@ class FastMotionOptions:
 
     Attributes:
         enabled: Whether to search the unassigned detections for people who moved farther than predicted.
-        acceleration_factor: Factor on the spectral densities of acceleration while a person moves fast.
+        acceleration_factor: Factor for the spectral densities of acceleration while a person moves fast.
         onset_s: Duration of a fast motion before the frame that shows it, in seconds.
         swap_log_odds: Log odds that the left/right labels of a reassigned detection are those of its proposal.
     """
@@ -76,7 +76,8 @@ class SingleViewOptions:
         history_s: Time constant of the averages of posture and height, in seconds.
         min_history_s: Minimum time for which several views must have shown a person before the priors apply, in
             seconds.
-        lean_sd: Standard deviation of a lean beyond its recent variation, as a cosine or in radians.
+        lean_sd: Standard deviation of the trunk's inclination and of the bones' angles to the trunk, in addition to
+            their recent variation, as a cosine or in radians.
         height_sd_m: Standard deviation of the lowest point's height in addition to its recent variation, in meters.
         correlation_s: Correlation time of the deviations from the priors, in seconds.
     """

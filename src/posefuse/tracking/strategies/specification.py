@@ -1,4 +1,4 @@
-"""The strategy `specification`: the specification's own scores, noise recursion, prior and distance of proposals.
+"""The strategy `specification`: the specification's own scores, noise recursion, prior and proposal distance.
 
 The terms are those of the specification, with the minus signs that its displayed equations have lost, and with seconds
 for frames and standard deviations for pixels. See docs/methods/specification.md. The strategy serves
@@ -68,7 +68,7 @@ class RecursiveNoise:
     ) -> UpdateNoise:
         """Encode the variances as confidences of a noise model that has the largest noise at confidence 1.
 
-        A detection is assigned to one person at most, so that its confidences can encode that person's variances.
+        A detection is assigned to at most one person, so its confidences can encode that person's variances.
         Frames count as independent.
         """
         most_px = settings.options.specification.max_noise * settings.law.scale_px

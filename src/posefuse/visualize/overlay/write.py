@@ -180,6 +180,6 @@ def _no_images_error(source: VideoSource, span_s: tuple[float, float], last_s: f
     assert source.reader is not None
     return ResultError(
         f"{source.reader.info.path.name} has no image in the selected time range: the result's frames are from "
-        f"{span_s[0]:.3f} to {span_s[1]:.3f} s, and the last image read is at {last_s:.3f} s. If the video starts at "
-        f"another time than the result, use --offset-s {source.camera.name}=SECONDS."
+        f"{span_s[0]:.3f} to {span_s[1]:.3f} s, and the last image read is at {last_s:.3f} s. If the video starts at a "
+        f"different time than the result, use --offset-s {source.camera.name}=SECONDS."
     )

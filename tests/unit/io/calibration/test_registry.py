@@ -102,7 +102,7 @@ def test_unknown_extrinsic_format_is_an_error(tmp_path):
 
 
 def read_broken(name: str, folder: Path, cases: int) -> int:
-    """Read so many broken files of a format; how many were still read."""
+    """Read a number of damaged files of a format and return how many were accepted."""
     path = WRITERS[name](rig_for(name, "fisheye" if name == "acinoset" else "mild"), folder)
     files = sorted(file for file in folder.rglob("*") if file.is_file())
     rng = np.random.default_rng(len(name))

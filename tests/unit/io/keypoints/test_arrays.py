@@ -77,7 +77,7 @@ class TestArrays:
 
     def test_skeleton_of_another_size_is_refused(self, pixels, tmp_path):
         np.save(tmp_path / "k.npy", pixels)
-        with pytest.raises(FileError, match="26 keypoints per person, skeleton coco_17 has 17"):
+        with pytest.raises(FileError, match="26 keypoints per person, but skeleton coco_17 has 17"):
             read_detections(tmp_path / "k.npy", "coco_17")
 
     def test_one_coordinate_alone_is_missing(self, pixels, tmp_path):

@@ -146,7 +146,7 @@ class TestOpenPose:
 
     def test_wrong_skeleton_is_refused(self, walk, tmp_path):
         write_openpose(tmp_path, walk)
-        with pytest.raises(FileError, match="has 25 keypoints per person, skeleton coco_17 has 17"):
+        with pytest.raises(FileError, match="has 25 keypoints per person, but skeleton coco_17 has 17"):
             read_detections(tmp_path, "coco_17")
 
     def test_no_person_in_any_view(self, tmp_path):

@@ -126,7 +126,7 @@ def test_people_of_different_lengths_are_an_error(tmp_path):
     content = json.loads(file.read_text())
     content[1]["keypoints"] = content[1]["keypoints"][:-3]
     file.write_text(json.dumps(content))
-    with pytest.raises(FileError, match=r"left.json, frame 0: a person has 16 keypoints, others have 17"):
+    with pytest.raises(FileError, match=r"left.json, frame 0: a person has 16 keypoints, but others have 17"):
         read_detections(folder)
 
 
@@ -142,7 +142,7 @@ def read_broken(name: str, folder, cases: int) -> int:
         original = file.read_bytes()
         file.write_bytes(broken(original, rng))
         try:
-            # What stays in its file is read here, too.
+            # Read arrays that stay in their file, too.
             pixels = np.asarray(read_detections(path, detections.skeleton).keypoints_px[:])
         except PosefuseError:
             pass
@@ -153,7 +153,7 @@ def read_broken(name: str, folder, cases: int) -> int:
     return read
 
 
-# The netCDF library closes what it could not open.
+# The netCDF library fails to close a file that it could not open.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("name", WRITERS)
 def test_broken_files_raise_posefuse_errors(name, tmp_path):

@@ -106,7 +106,7 @@ class TestBvh:
         angles = Bvh(tmp_path / "a.bvh").rows[:, 3:6]
         turn = np.asarray(result.poses.turns)[:, 0, 0]
         fastest = np.degrees((Rotation.from_matrix(turn[1:]) * Rotation.from_matrix(turn[:-1]).inv()).magnitude().max())
-        # Near a quarter turn about x the other two angles run; half a turn is what a jump would be.
+        # Close to gimbal lock the other two angles change quickly; a jump would be half a turn.
         assert np.abs(np.diff(angles, axis=0)).max() < 90.0 + fastest
         assert np.abs(angles).max() > 180.0
 

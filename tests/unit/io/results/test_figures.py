@@ -62,7 +62,7 @@ class TestWhatCannotBeWritten:
 
 
 def test_helper_kinematics_of_the_rest_pose_match_hand_computed_values(tmp_path):
-    """The helper's own kinematics, by hand: an adult who stands straight."""
+    """The kinematics of the test helper give the expected positions of a standing adult."""
     skeleton = posed("body_20").skeleton
     tree = skeleton.tree
     turns = np.tile(np.eye(3), (1, len(tree.segments), 1, 1))

@@ -59,7 +59,7 @@ class TestGltf:
             triangle = corners.astype(float)[actual.numbers(primitive.indices)[:, 0]].reshape(-1, 3, 3)
             across = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
             assert (np.einsum("ti,ti->t", across, normals[::3]) > 0).all()
-            # Sticks are closed and seen from outside: their volume is positive.
+            # Sticks are closed surfaces with outward normals, so that their volume is positive.
             assert np.einsum("ti,ti->t", triangle[:, 0], across).sum() > 0
 
     def test_absence_has_no_keys_and_hides_the_figure(self, tmp_path):

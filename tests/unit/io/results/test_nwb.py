@@ -1,4 +1,4 @@
-"""NWB files: pynwb's validator and reader, the same bytes, and what is said where it cannot be."""
+"""NWB files: validation and reading by pynwb, reproducible bytes, and errors."""
 
 import sys
 from dataclasses import replace

@@ -93,7 +93,7 @@ def test_results_without_people_or_frames(pair_result, tmp_path):
 
 
 def read_broken(kind: str, folder: Path, cases: int) -> int:
-    """Read so many broken files of a format; how many were still read."""
+    """Read a number of damaged files of a format and return how many were accepted."""
     source = some_result(3, ["anna"], ["nose", "tail", "left_paw", "right_paw"], ["a"], 3)
     form, name = FILES[kind]
     folder.mkdir()

@@ -1,4 +1,4 @@
-"""Unknown names of options lead to the option that was meant."""
+"""Suggestions for unknown option names."""
 
 import pytest
 

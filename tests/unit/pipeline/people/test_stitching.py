@@ -18,7 +18,7 @@ VIEWS = 3
 
 
 def crowd_tracks(seed: int, n_frames: int, people: int) -> Tracks:
-    """People who come one after the other, are seen by some views in most frames, and stay or go."""
+    """Return people who enter one after the other, are detected in some views, and stay or leave."""
     rng = np.random.default_rng(seed)
     order = np.argsort(rng.random((n_frames, VIEWS, people)), axis=2).transpose(0, 2, 1)
     detection = np.where(rng.random(order.shape) < 0.7, order, -1).astype(np.int32)
@@ -35,7 +35,7 @@ def crowd_tracks(seed: int, n_frames: int, people: int) -> Tracks:
 
 
 def track_window(tracks: Tracks, window: TrackingWindow, rng: np.random.Generator) -> TrackedWindow:
-    """What a tracker would have of a window: those who are there, in the order in which they come, by its own names."""
+    """Return the tracks of a window as a tracker would: people present, in order of appearance, with new names."""
     part = tracks.frames(window.first, window.last)
     state, detection = np.asarray(part.state), np.asarray(part.detection)
     present = [p for p in range(state.shape[1]) if (state[:, p] != TrackState.ABSENT).any()]

@@ -1,4 +1,4 @@
-"""Options without effect are named, with what would give them one."""
+"""Options without effect are reported with a remedy."""
 
 from dataclasses import replace
 
