@@ -62,7 +62,7 @@ def _of_folder(rig: CameraRig, folder: Path) -> dict[str, Path]:
     found = {name: by_name[plain_name(name)] for name in rig.names if plain_name(name) in by_name}
     if not found:
         raise FileError(
-            f"{folder} holds no video that is named like a camera. Videos: {choices(file.name for file in files)}. "
+            f"{folder} contains no video named like a camera. Videos: {choices(file.name for file in files)}. "
             f"Cameras: {choices(rig.names, 30)}. Name them: --video {rig.names[0]}=FILE."
         )
     for name, several in found.items():

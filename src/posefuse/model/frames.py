@@ -49,7 +49,7 @@ class Frame:
                 f"Frame {self.number}: rows must be ordered by view, and views must be from 0 to {views - 1}."
             )
         if np.isinf(self.keypoints_px).any():
-            raise DetectionsError(f"Frame {self.number} holds an infinite pixel. Missing is NaN.")
+            raise DetectionsError(f"Frame {self.number} contains an infinite pixel. Use NaN for missing keypoints.")
         # Always read-only: Numba compiles another specialization for writable arrays.
         object.__setattr__(self, "keypoints_px", frozen(self.keypoints_px))
         object.__setattr__(self, "confidence", frozen(self.confidence))

@@ -45,7 +45,7 @@ def camera_from_table(path: Path, key: str, table: Mapping[str, Any], meters_per
         raise FileError(f"{path}, table [{key}]: no {choices(missing)}; it has {choices(table)}.")
     name = str(table.get("name", key))
     if not isinstance(table.get("fisheye", False), bool):
-        raise FileError(f"{path}, table [{key}]: fisheye should be true or false, got {table['fisheye']!r}.")
+        raise FileError(f"{path}, table [{key}]: fisheye must be true or false, got {table['fisheye']!r}.")
     numbers = {field: _numbers(table[field], f"{path}, table [{key}]: {field}") for field in _NEEDED}
     extreme = [field for field in _NEEDED if np.any(np.abs(numbers[field]) >= MAX_PLAUSIBLE)]
     if extreme:
@@ -89,7 +89,7 @@ def texts(path: Path, metadata: Mapping[str, Any], key: str) -> tuple[str, ...]:
     """
     values = metadata.get(key, [])
     if not isinstance(values, list) or not all(isinstance(value, str) for value in values):
-        raise FileError(f"{path}: metadata.{key} should be a list of texts, got {values!r}.")
+        raise FileError(f"{path}: metadata.{key} must be a list of strings, got {values!r}.")
     return tuple(values)
 
 
