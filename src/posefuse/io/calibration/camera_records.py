@@ -127,7 +127,7 @@ def as_numbers(values: Any, where: str) -> np.ndarray:
             raise TypeError
         numbers = given.astype(np.float64).ravel()
     except (TypeError, ValueError, OverflowError):
-        raise FileError(f"{where} should consist of numbers, got {_short(values)}.") from None
+        raise FileError(f"{where} must consist of numbers, got {_short(values)}.") from None
     if not np.all(np.abs(numbers) < MAX_PLAUSIBLE):
         raise FileError(f"{where} has implausible values: {_short(numbers.tolist())}.")
     return numbers

@@ -106,7 +106,7 @@ def _numbers(value: Any, what: str) -> np.ndarray:
             return np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         pass
-    raise FileError(f"{what} should consist of numbers, got {repr(value)[:60]}.")
+    raise FileError(f"{what} must consist of numbers, got {repr(value)[:60]}.")
 
 
 def _has_bool(value: Any) -> bool:
