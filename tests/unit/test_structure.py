@@ -75,6 +75,7 @@ TESTED_ELSEWHERE = {
         "io/keypoints/*.py",
         "io/pandas_tables.py",
     ),
+    "properties/test_keypoint_round_trips.py": ("io/keypoints/openpose_writing.py",),
     "unit/io/results/test_bvh.py": (
         "biomechanics/animation_figures.py",
         "io/results/clips.py",
@@ -89,10 +90,10 @@ TESTED_ELSEWHERE = {
     "unit/kernels/test_points.py": ("kernels/*.py",),
     "unit/left_right/pairs/test_registry.py": (
         "left_right/pairs/enumerated.py",
-        "left_right/pairs/label_likelihood.py",
         "left_right/pairs/population_search.py",
     ),
     "unit/left_right/test_relabel.py": (
+        "left_right/pairs/label_likelihood.py",
         "left_right/costs.py",
         "left_right/estimates.py",
         "left_right/model_selection.py",
