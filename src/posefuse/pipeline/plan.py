@@ -36,6 +36,7 @@ class Plan:
         solver: computes the solved layer, or None.
         alignment: similarity to the world of the result, or None to keep the calibration's.
         findings: problems that the recording check found.
+        method_notes: those of the provenance's notes that the method's preparation made.
     """
 
     rig: CameraRig
@@ -51,6 +52,7 @@ class Plan:
     solver: LayerSolver | None = None
     alignment: Alignment | None = None
     findings: tuple[Finding, ...] = ()
+    method_notes: tuple[str, ...] = ()
 
     @property
     def events(self) -> tuple[Event, ...]:

@@ -182,7 +182,12 @@ def _with_resolved_method(plan: Plan, options: Options, facts: RecordingFacts) -
 
 
 def _with_fitted_method(plan: Plan) -> Plan:
-    """Let a method that needs the whole recording first, such as ``percentile_filter``, read it."""
+    """Let a method that needs the whole recording first, such as ``percentile_filter``, read it.
+
+    Its notes replace those of an earlier preparation.
+    """
+    kept = tuple(note for note in plan.provenance.notes if note not in plan.method_notes)
+    plan = replace(plan, provenance=replace(plan.provenance, notes=kept), method_notes=())
     method = find_method(plan.options.triangulation.method)
     if method.prepare is None or len(plan.rig) == 1:
         return plan
@@ -190,7 +195,7 @@ def _with_fitted_method(plan: Plan) -> Plan:
     pieces = ((plan.detections.frames(*span), plan.subjects.tracks(*span)) for span in spans)
     triangulation, notes = method.prepare(plan.rig, pieces, plan.noise, plan.options.triangulation)
     options = replace(plan.options, triangulation=triangulation)
-    return replace(plan, options=options, provenance=plan.provenance.with_notes(notes))
+    return replace(plan, options=options, provenance=plan.provenance.with_notes(notes), method_notes=notes)
 
 
 def with_sample(plan: Plan) -> Plan:

@@ -53,7 +53,7 @@ def prepare(
     if not len(values_px):
         return options, ()
     threshold = float(np.percentile(values_px, chosen.percentile))
-    note = f"percentile_filter: the {chosen.percentile:g} th percentile of the errors is {threshold:.2f} px."
+    note = f"percentile_filter: percentile {chosen.percentile:g} of the errors is {threshold:.2f} px."
     return replace(options, percentile_filter=replace(chosen, threshold_px=threshold)), (note,)
 
 

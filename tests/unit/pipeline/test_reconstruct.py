@@ -8,6 +8,7 @@ import pytest
 from posefuse.errors import DetectionsError, PosefuseWarning
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
+from posefuse.model.options.alignment import AlignOptions
 from posefuse.model.options.options import Options
 from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.status import PointStatus, Source, ViewStatus
@@ -123,6 +124,22 @@ def test_triangulate_returns_the_measured_layer(rng):
     assert list(measured.layers) == ["measured"]
     assert measured.layers["measured"] == reconstruct(rig, detections).layers["measured"]
     assert (measured.layers["measured"].source == Source.MEASURED).all()
+
+
+def test_resized_world_has_the_notes_of_its_own_method_only():
+    from posefuse.synthetic.options import SceneOptions
+    from posefuse.synthetic.scenes import simulate
+
+    scene = simulate(SceneOptions(duration_s=2, cameras=4))
+    options = Options(
+        bodies="fit",
+        align=AlignOptions(height_m=1.5),
+        triangulation=TriangulationOptions(method="percentile_filter"),
+    )
+    result = reconstruct(scene.rig, scene.detections, options)
+    notes = [note for note in result.provenance.notes if note.startswith("percentile_filter")]
+    threshold_px = result.resolved.triangulation.percentile_filter.threshold_px
+    assert notes == [f"percentile_filter: percentile 90 of the errors is {threshold_px:.2f} px."]
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(1000.0, "m"), (0.1, None)])
