@@ -38,10 +38,10 @@ class Options:
     """All options of a reconstruction.
 
     Attributes:
-        people: Number of people: "one", "many" or "auto", which counts them.
+        people: Number of people: one, many or auto. "auto" counts them.
         person: Names of the people to keep, such as person_1; all by default.
-        bodies: Articulated models: "auto" fits them to several people, "fit" also to a single one, "none" never.
-        pick: Person to use if a view shows several: "largest" or "track-id". Without it, several people in a view of a
+        bodies: Fit articulated models: auto, fit or none. "auto" fits them to several people, "fit" also to one.
+        pick: Person to use if a view shows several: largest or track-id. Without it, several people in a view of a
             single subject are an error.
         skeleton: Keypoint set: a built-in name or a TOML file. By default it is inferred from the files.
         rate_hz: Frame rate, if the files do not state it.
@@ -71,7 +71,7 @@ class Options:
         side_search: Options of the left/right assignment.
         association: Options of cross-view association.
         tracker: Options of the multi-person tracker.
-        solve: "frame" solves each frame separately, "trajectory" all frames together. "auto" is "trajectory" for one
+        solve: Solve per frame or over time: frame, trajectory or auto. "auto" solves all frames together for one
             subject, two or more cameras, ten seconds or more, and the method "consensus".
         trajectory: Options of the trajectory solve.
         postprocess: Options of postprocessing.
