@@ -100,7 +100,7 @@ def test_figures_are_equal_in_another_process(run, ugly_recording, tmp_path):
         assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes(), file
 
 
-def test_jitter_needs_a_frame_rate(run, ugly_recording, tmp_path, ugly_scene):
+def test_recording_without_rate_is_compared(run, ugly_recording, tmp_path, ugly_scene):
     keypoints, confidence = (np.moveaxis(array, 1, 0) for array in ugly_scene.detections.dense())
     (ugly_recording / "keypoints.nc").unlink()
     np.savez(ugly_recording / "points.npz", keypoints=keypoints, confidence=confidence, names=ugly_scene.rig.names)

@@ -27,6 +27,7 @@ WITHOUT_SOURCE = {
 TESTED_ELSEWHERE = {
     "integration/test_batch_command.py": ("batch/work.py",),
     "integration/test_command_line.py": ("cli/*.py",),
+    "integration/test_refine_command.py": ("pipeline/refine_recording.py",),
     "integration/test_solved_commands.py": ("biomechanics/tables.py",),
     "integration/test_stream_command.py": (
         "live/measured_points.py",
@@ -47,7 +48,6 @@ TESTED_ELSEWHERE = {
         "calibration/checks.py",
         "calibration/uncertainty.py",
         "pipeline/refine_calibration.py",
-        "pipeline/refine_recording.py",
     ),
     "unit/diagnostics/test_registry.py": (
         "diagnostics/camera_poses.py",
@@ -62,8 +62,10 @@ TESTED_ELSEWHERE = {
         "diagnostics/lenses.py",
         "diagnostics/observations.py",
         "diagnostics/sample_points.py",
-        "diagnostics/time_offsets.py",
         "diagnostics/view_overlap.py",
+    ),
+    "unit/diagnostics/test_start_offsets.py": (
+        "diagnostics/time_offsets.py",
         "pipeline/diagnose.py",
     ),
     "unit/evaluation/test_comparison.py": ("pipeline/compare_methods.py",),
@@ -73,7 +75,12 @@ TESTED_ELSEWHERE = {
         "io/keypoints/*.py",
         "io/pandas_tables.py",
     ),
-    "unit/io/results/test_bvh.py": ("biomechanics/animation_figures.py",),
+    "properties/test_keypoint_round_trips.py": ("io/keypoints/openpose_writing.py",),
+    "unit/io/results/test_bvh.py": (
+        "biomechanics/animation_figures.py",
+        "io/results/clips.py",
+    ),
+    "unit/io/results/test_gltf.py": ("io/results/sticks.py",),
     "unit/io/results/test_netcdf.py": ("io/netcdf.py",),
     "unit/io/results/test_write.py": ("model/track_events.py",),
     "unit/io/test_checkpoints.py": ("pipeline/measured_layer.py",),
@@ -83,10 +90,10 @@ TESTED_ELSEWHERE = {
     "unit/kernels/test_points.py": ("kernels/*.py",),
     "unit/left_right/pairs/test_registry.py": (
         "left_right/pairs/enumerated.py",
-        "left_right/pairs/label_likelihood.py",
         "left_right/pairs/population_search.py",
     ),
     "unit/left_right/test_relabel.py": (
+        "left_right/pairs/label_likelihood.py",
         "left_right/costs.py",
         "left_right/estimates.py",
         "left_right/model_selection.py",

@@ -19,6 +19,7 @@ from typing import Any, Protocol
 from posefuse.alignment.apply import align_parts
 from posefuse.arrays import ranges
 from posefuse.association.one_subject import SingleSubject
+from posefuse.checkpoint import Checkpoint
 from posefuse.io.checkpoints import CheckpointFolder
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
@@ -122,13 +123,14 @@ def prepare_distributed(
     """
 
     def find(
-        rig: CameraRig, detections: Detections, options: Options, progress: Progress
+        rig: CameraRig, detections: Detections, options: Options, progress: Progress, checkpoint: Checkpoint
     ) -> tuple[Subjects, TrackedPeople | None]:
         if options.people != "many":
             return find_subjects(rig, detections, options, progress)
-        return _track_windows(rig, detections, options, runner, progress), None
+        assert isinstance(checkpoint, CheckpointFolder)
+        return _track_windows(rig, detections, options, replace(runner, folder=checkpoint), progress), None
 
-    plan = prepare(rig, detections, options, progress, find=find)
+    plan = prepare(rig, detections, options, progress, runner.folder, find)
     if not isinstance(plan.subjects, StitchedPeople):
         return plan
     number, overlap_s = len(plan.subjects.starts) - 1, options.tracker.terminate_after_s

@@ -29,7 +29,7 @@ from posefuse.pipeline import solved_layer
 from posefuse.pipeline.defaults import RecordingFacts, cut_time, resolve_method, resolve_options
 from posefuse.pipeline.diagnose import check_recording
 from posefuse.pipeline.measured_layer import measure, partial_note, reconstruct_chunks
-from posefuse.pipeline.people.find_subjects import FindSubjects, find_subjects, frames_tracked
+from posefuse.pipeline.people.find_subjects import FindStoredSubjects, FindSubjects, find_subjects, frames_tracked
 from posefuse.pipeline.plan import Plan
 from posefuse.pipeline.solved_layer import LayerSolver, Postprocess, Step
 from posefuse.postprocess.bones import median_bones
@@ -87,7 +87,7 @@ def prepare(
     options: Options,
     progress: Progress,
     checkpoint: Checkpoint = NO_CHECKPOINT,
-    find: FindSubjects | None = None,
+    find: FindStoredSubjects | None = None,
 ) -> Plan:
     """Determine everything that needs the whole recording: views, frames, subjects, noise, method, world and solver.
 
@@ -97,9 +97,11 @@ def prepare(
         options: options of the reconstruction.
         progress: receives the progress.
         checkpoint: stores the state of tracking. If tracking is interrupted, the plan covers the frames tracked so far.
-        find: assigns detections to people, by default :func:`find_subjects`.
+        find: assigns detections to people, by default :func:`find_subjects`. It gets a checkpoint of its own in a world
+            of another size.
     """
-    plan = examine(rig, detections, options, progress, find or partial(find_subjects, checkpoint=checkpoint))
+    find = find or find_subjects
+    plan = examine(rig, detections, options, progress, partial(find, checkpoint=checkpoint))
     align = plan.options.align
     if align.turns or align.scales or plan.options.postprocess.rigid_bones:
         plan = with_sample(plan)
@@ -107,7 +109,7 @@ def prepare(
     if align.scales:
         scale = scale_factor(sample_points(plan), plan.detections.skeleton, align)
         again = checkpoint.child(f"resized_{plan.detections.n_frames}")
-        plan = resize(plan, scale, progress, find or partial(find_subjects, checkpoint=again))
+        plan = resize(plan, scale, progress, partial(find, checkpoint=again))
     return with_solver(with_alignment(with_findings(plan), scale))
 
 

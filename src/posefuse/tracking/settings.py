@@ -85,7 +85,7 @@ class TrackerSettings(PickledByFields):
         half = (int((tree.keypoint_nodes >= 0).sum()) + 1) // 2
         options = replace(options, min_joints=min(options.min_joints, half))
         decay, power = motion_parameters(tree, options.motion)
-        # BodyFrame stand for the detections of either side.
+        # The spread makes the filter expect the tails of accepted errors as well.
         cameras = rig.packed.array
         law = ErrorModel(
             np.ascontiguousarray(noise.scale_px * noise.spread),

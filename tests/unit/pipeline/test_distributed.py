@@ -9,6 +9,7 @@ import pytest
 
 from posefuse.io.checkpoints import CheckpointFolder
 from posefuse.model.concatenate import concatenate_ranges
+from posefuse.model.options.alignment import AlignOptions
 from posefuse.model.options.options import Options
 from posefuse.model.options.postprocess import PostprocessOptions
 from posefuse.model.reconstruction import Reconstruction
@@ -74,6 +75,14 @@ def test_people_of_two_windows_equal_those_of_one_run(tmp_path):
     check_same(whole, pieces)
     assert any("in 2 windows" in note for note in pieces.provenance.notes)
     assert list((tmp_path / "x").glob("*.todo")) == []
+
+
+def test_people_are_tracked_again_in_a_world_of_another_size(tmp_path):
+    scene = simulate_people(9.0, 2, 3)
+    options = Options(people="many", noise_scale_px=14.0, pairs="labels", align=AlignOptions(height_m=1.5))
+    options = replace(options, tracker=replace(options.tracker, terminate_after_s=0.5))
+    whole, pieces = reconstruct(scene.rig, scene.detections, options), distributed(scene, options, tmp_path / "x", 4.5)
+    check_same(whole, pieces)
 
 
 def test_interrupted_run_resumes_from_finished_pieces(tmp_path):

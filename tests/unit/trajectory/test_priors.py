@@ -148,7 +148,7 @@ def test_priors_can_be_pickled_and_give_the_margin():
 
 
 def test_no_frames_is_an_error():
-    with pytest.raises(DetectionsError, match="no frames"):
+    with pytest.raises(DetectionsError, match="needs at least one frame"):
         estimate_priors([], ARM, TrajectoryOptions())
 
 

@@ -120,7 +120,7 @@ class AssociationOptions:
             )
 
     def in_proportion(self, scale: float) -> "AssociationOptions":
-        """Return the options for bodies of another size: all lengths are scaled except the volume.
+        """Return the options for bodies of another size: lengths scale, except the volume and distances of cameras.
 
         Args:
             scale: Size of the body relative to an adult human.

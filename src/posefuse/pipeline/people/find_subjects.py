@@ -1,6 +1,7 @@
 """Assign the detections of a recording to people."""
 
 from collections.abc import Callable
+from typing import Protocol
 
 from posefuse.association.one_subject import SingleSubject
 from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
@@ -16,6 +17,16 @@ from posefuse.progress import Progress
 
 FindSubjects = Callable[[CameraRig, Detections, Options, Progress], tuple[Subjects, TrackedPeople | None]]
 """Assigns detections to people and fits bodies where the options ask for them, as :func:`find_subjects` does."""
+
+
+class FindStoredSubjects(Protocol):
+    """A :data:`FindSubjects` that stores the state of tracking."""
+
+    def __call__(
+        self, rig: CameraRig, detections: Detections, options: Options, progress: Progress, checkpoint: Checkpoint
+    ) -> tuple[Subjects, TrackedPeople | None]:
+        """Return the assignment of detections to people, and their fitted bodies, if any."""
+        ...
 
 
 def find_subjects(
