@@ -38,7 +38,8 @@ class AlignOptions:
             direction of the subject, "walk" the mean walking direction.
         forward_m: Forward direction in calibration coordinates, three numbers, instead of align.forward.
         preset: Axes of the result: none, opensim, blender or unreal. "none" and "unreal" are z up and x forward,
-            "opensim" is y up and x forward, "blender" is z up and -y forward; Unreal Engine itself is left-handed, in centimeters.
+            "opensim" is y up and x forward, "blender" is z up and -y forward; Unreal Engine itself is left-handed, in
+            centimeters.
         height_m: Standing height of the subject, for the scale.
         length_m: Known distance between two keypoints, from which the scale is computed.
         length_between: Names of the two keypoints whose distance is align.length_m.
