@@ -130,7 +130,7 @@ class Frame:
         if len(confidence) != len(counts) or (track_ids is not None and len(track_ids) != len(counts)):
             raise DetectionsError(
                 f"Frame {number}: keypoints of {len(counts)} views, but confidences of {len(confidence)}"
-                + ("" if track_ids is None else f" and track ids of {len(track_ids)}")
+                + ("" if track_ids is None else f" and track IDs of {len(track_ids)}")
                 + ". Pass one array per view, empty if it shows no person."
             )
         shapes = [np.shape(people) for people in keypoints_px]

@@ -152,7 +152,7 @@ def write(rig: CameraRig, path: Path) -> None:
 
 def _check_xml_text(text: str) -> str:
     if _NOT_IN_XML.search(text):
-        raise FileError(f"the Qualisys format is XML, which does not allow some characters of {text[:40]!r}")
+        raise FileError(f"the Qualisys format is XML, which does not allow some characters in {text[:40]!r}")
     return text
 
 

@@ -239,7 +239,7 @@ def _length(person: _Person, where: tuple[Path, str, int]) -> int:
     n_numbers = len(person.pose_keypoints_2d)
     if n_numbers % 3:
         raise FileError(
-            f"{describe_person(where)}: pose_keypoints_2d has {n_numbers} numbers, expected x, y, confidence for each "
+            f"{describe_person(where)}: pose_keypoints_2d has {n_numbers} numbers; expected x, y, confidence for each "
             "keypoint."
         )
     return n_numbers // 3

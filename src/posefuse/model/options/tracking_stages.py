@@ -130,7 +130,7 @@ class IdentityAuditOptions:
     Attributes:
         enabled: Whether to compare bone lengths after two people separate, and to swap identities if they disagree.
         near_m: Distance below which two people can be confused, in meters.
-        apart_m: Distance above which two people are separated again, in meters.
+        apart_m: Distance above which two people count as separated again, in meters.
         min_merged_s: Minimum time for which most views must have shown only one of the two people, in seconds.
         observe_s: Time over which the separated people are observed before the comparison, in seconds.
         max_observe_s: Maximum time from the separation to the comparison, in seconds.
@@ -179,7 +179,7 @@ class PartialDetectionOptions:
 
     Attributes:
         enabled: Whether to merge partial detections of one person in one view.
-        max_common_share: Maximum fraction of the smaller detection's keypoints that both detections may have.
+        max_common_share: Maximum fraction of the smaller detection's keypoints that both detections have.
     """
 
     enabled: bool = True
