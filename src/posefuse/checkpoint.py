@@ -44,7 +44,7 @@ class Checkpoint(Protocol):
     def spool(self, name: str) -> Spool | None:
         """Open the spool that stored parts refer to, truncated to its length at the last :meth:`save`.
 
-        Return None where nothing is stored.
+        Return None if nothing is stored.
         """
         ...
 

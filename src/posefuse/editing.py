@@ -43,7 +43,7 @@ def apply_edits(result: Reconstruction, edits: Sequence[Edit]) -> Reconstruction
     """Return the result with edited identities, in memory.
 
     Layers, tracks, poses, left/right swaps and events are edited; the provenance lists the edits. Body dimensions,
-    which do not depend on the frame, come from the original person who contributes most frames.
+    which do not depend on the frame, come from the original person who contributes the most frames.
 
     Args:
         result: original result; not modified.
@@ -205,7 +205,7 @@ def _without(names: tuple[str, ...], index: int) -> tuple[str, ...]:
 
 
 def _main_sources(table: _IdentityTable, states: np.ndarray) -> np.ndarray:
-    """Return the original person who contributes most frames to each person, shape (person,)."""
+    """Return the original person who contributes the most frames to each person, shape (person,)."""
     main_sources = []
     for p in range(len(table.names)):
         source = table.source[:, p]

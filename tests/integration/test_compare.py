@@ -147,7 +147,7 @@ class TestRefused:
         refused("-o", tmp_path / "o", "--methods", "dlt-svd", words=words, code=2)
 
     def test_single_camera(self, refused, tmp_path):
-        refused("--cameras", "cam_1", "-o", tmp_path / "o", words=["There is one camera", "needs two or more"])
+        refused("--cameras", "cam_1", "-o", tmp_path / "o", words=["Only one camera is used", "needs two or more"])
 
     def test_no_truth(self, refused, tmp_path):
         refused("-o", tmp_path / "o", "--truth", tmp_path / "nowhere.nc", words=["No truth at", "nowhere.nc"])

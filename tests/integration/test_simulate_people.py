@@ -25,4 +25,4 @@ def test_simulated_files_are_read_back(run, tmp_path):
 def test_invalid_scenes_are_refused(run, tmp_path):
     code, _, output = run("simulate-people", tmp_path / "scene", "--scenario", "hug", "--people", "3")
     assert code == 2
-    assert "Scenario hug has 2 people, got 3" in output
+    assert "Scenario hug needs 2 people, got 3" in output

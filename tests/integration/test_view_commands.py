@@ -41,10 +41,10 @@ def test_overlay_of_one_video_names_the_other_cameras(run, stored, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("--video", "cam0"), "give CAMERA=FILE"),
+        (("--video", "cam0"), "expected CAMERA=FILE"),
         (("--video", "cam5=a.mp4"), "The cameras are cam0, cam1"),
         (("--video", "cam0=a.mp4", "cam0=b.mp4"), "two videos of camera 'cam0'"),
-        (("--blank", "--offset-s", "cam0=soon"), "give CAMERA=SECONDS"),
+        (("--blank", "--offset-s", "cam0=soon"), "expected CAMERA=SECONDS"),
         (("--blank", "--layer", "model"), "has no layer 'model'; it has measured"),
         ((), "--blank"),
     ],

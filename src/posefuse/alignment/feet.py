@@ -193,7 +193,7 @@ def _consensus_points(points: np.ndarray, tolerance_m: float, rng: np.random.Gen
 
 
 def _fit_plane(points: np.ndarray, near: np.ndarray, tolerance_m: float) -> Plane:
-    """Return the least-squares plane of the points near it, iterated until these stay the same."""
+    """Return the least-squares plane of the points near it, refitted until the set of these points is stable."""
     normal, middle, spread = np.array([0.0, 0.0, 1.0]), points.mean(axis=0), 0.0
     for _ in range(_MAX_ITERATIONS):
         middle = points[near].mean(axis=0)

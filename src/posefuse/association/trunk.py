@@ -34,8 +34,8 @@ def torso(skeleton: Skeleton, points_m: np.ndarray, covariance_m2: np.ndarray) -
         covariance_m2: shape (person, keypoint, 6).
 
     Returns:
-        Positions, shape (person, 3), and covariances, shape (person, 6); NaN for a person of whom no such keypoint is
-        known.
+        Positions, shape (person, 3), and covariances, shape (person, 6); NaN for a person whose
+        trunk or core keypoints are all missing.
     """
     if all(name in skeleton.keypoints for name in _TRUNK):
         chosen = np.array([skeleton.index(name) for name in _TRUNK])

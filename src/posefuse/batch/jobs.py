@@ -49,7 +49,7 @@ def jobs_of(
             f"--output {output} contains recordings of the batch ({choices(inside, 4)}). Choose another."
         )
     if not chosen:
-        raise OptionsError(f"All folders are the output or results in it: {output}. Give folders of recordings.")
+        raise OptionsError(f"All folders are the output or results in it: {output}. Specify folders of recordings.")
     calibration = None if calibration is None else calibration.resolve()
     names = _names(chosen)
     return [

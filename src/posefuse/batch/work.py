@@ -178,5 +178,5 @@ def _silence() -> Iterator[list[str]]:
 def with_earlier_result(job: Job, result: JobResult) -> JobResult:
     """Add to a failure that the result of an earlier run is still there."""
     if result.state in ("failed", "not done") and (job.output / RESULT).exists():
-        return replace(result, why=f"{result.why} ({job.name} holds an earlier result.)")
+        return replace(result, why=f"{result.why} ({job.name} contains an earlier result.)")
     return result

@@ -52,7 +52,7 @@ def batch(
     if calibration is not None:
         must_exist(calibration, "calibration")
     if output.exists() and not output.is_dir():
-        raise OptionsError(f"--output {output} is a file; give a folder.")
+        raise OptionsError(f"--output {output} is a file. Specify a folder.")
     window = None if scheduler is None else window_s
     todo = jobs_of(folders, output, calibration, options, again=again, window_s=window)
     output.mkdir(parents=True, exist_ok=True)

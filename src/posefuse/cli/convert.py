@@ -44,7 +44,7 @@ class _Interpretation:
 
 
 def convert(
-    path: Annotated[Path, Parameter(help="File to convert, or a folder that holds it.")],
+    path: Annotated[Path, Parameter(help="File to convert, or a folder that contains it.")],
     output: Annotated[
         Path,
         Parameter(name=["--output", "-o"], help="Output file, or a folder for formats of many files."),
@@ -73,11 +73,11 @@ def convert(
     name = to or next((form.name for form in written if output.name.endswith(form.endings)), None)
     if path.is_file() and _holds_points(path):
         raise OptionsError(
-            f"{path.name} holds 3D points, which posefuse reads only as ground truth (posefuse evaluate RESULT "
+            f"{path.name} contains 3D points, which posefuse reads only as ground truth (posefuse evaluate RESULT "
             f"{path.name}). Convert the result that they come from."
         )
     if name is None and output.suffix in (".trc", ".c3d", ".bvh", ".glb"):
-        raise OptionsError(f"{output.name} would hold 3D results. posefuse reconstruct writes them.")
+        raise OptionsError(f"{output.name} would contain 3D results. posefuse reconstruct writes them.")
     if name is None:
         raise OptionsError(f"The format of {output.name} is unknown. Add --to, one of: {choices(names, 20)}.")
     keypoints, calibration = KEYPOINTS.find_written(name), CALIBRATIONS.find_written(name)
@@ -90,7 +90,7 @@ def convert(
     elif reads == "a calibration" and calibration is not None:
         _convert_calibration(source, output, calibration, options)
     else:
-        raise OptionsError(f"{source} holds {reads}, which posefuse does not write as {name}.")
+        raise OptionsError(f"{source} contains {reads}, which posefuse cannot write as {name}.")
 
 
 def _must_be_new(output: Path) -> None:

@@ -31,4 +31,4 @@ def edit(
     describe_result(open_result(output)[1])
     for remark in written.remarks:
         note(f"note: {remark}")
-    wrote(["reconstruction.nc", *written.files], output, f"TRC and C3D hold the layer {written.layer}.")
+    wrote(["reconstruction.nc", *written.files], output, f"TRC and C3D contain the layer {written.layer}.")

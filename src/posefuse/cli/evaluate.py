@@ -131,7 +131,7 @@ def people_of(result: Reconstruction, files: tuple[Path, ...]) -> "PeoplePoints 
     of_one = [file.suffix.lower() in _SINGLE_PERSON_SUFFIXES for file in files]
     if len(files) > 1 and not all(of_one):
         raise ResultError(
-            f"Give one ground-truth file with all people, or one TRC or C3D file per person; got {len(files)} files."
+            f"Specify one ground-truth file with all people, or one TRC or C3D file per person; got {len(files)} files."
         )
     if all(of_one):
         if len(files) == len(result.person_ids) == 1:

@@ -95,7 +95,7 @@ def _views_of(result: Reconstruction, detections: Detections) -> list[str]:
         if len(found) != 1:
             raise MatchError(
                 f"Camera {name!r} of the result has {'no view' if not found else 'several views'} in the keypoints, "
-                f"whose views are {choices(views)}. Give the keypoints that the result was computed from."
+                f"whose views are {choices(views)}. Specify the keypoints that the result was computed from."
             )
         chosen.append(found[0])
     return chosen

@@ -39,7 +39,7 @@ def plot(
 
     _, reconstruction = open_result(result)
     if output.exists() and not output.is_dir():
-        raise OptionsError(f"--output {output} is a file. Give a folder.")
+        raise OptionsError(f"--output {output} is a file. Specify a folder.")
     data = gather_plot_data(reconstruction, layer, keypoint, angle)
     # Draw all figures before writing the first one, so that an error leaves no files behind.
     figures = {name: draw_plot(name, data) for name in names}

@@ -71,7 +71,7 @@ def reconstruct(
     for remark in outcome.remarks:
         note(f"note: {remark}")
     single = "TRC, C3D and the other formats" if also else "TRC and C3D"
-    wrote(outcome.files, output, f"{single} hold the layer {outcome.layer}.")
+    wrote(outcome.files, output, f"{single} contain the layer {outcome.layer}.")
     if outcome.partial:
         warn(outcome.partial)
         sys.exit(130)

@@ -87,7 +87,7 @@ def _session(calibration: Path, stream: StreamOptions, options: Options) -> "Ses
 
     if options.skeleton is None:
         raise OptionsError(
-            f"Add --skeleton: the keypoints of the messages and their order. Give a shipped skeleton "
+            f"Add --skeleton: the keypoints of the messages and their order. Specify a shipped skeleton "
             f"({choices(shipped_skeletons(), 20)}) or a TOML file."
         )
     rig = read_cameras(must_exist(calibration, "calibration"), length_unit=options.length_unit, up=options.up)

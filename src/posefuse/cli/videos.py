@@ -52,7 +52,7 @@ def _of_folder(rig: CameraRig, folder: Path) -> dict[str, Path]:
 
     if not folder.is_dir():
         raise OptionsError(
-            f"--video {folder}: give CAMERA=FILE, such as {rig.names[0]}={folder}, or a folder of videos. "
+            f"--video {folder}: expected CAMERA=FILE, such as {rig.names[0]}={folder}, or a folder of videos. "
             f"The cameras are {choices(rig.names, 30)}."
         )
     files = sorted(entry for entry in folder.iterdir() if entry.suffix.lower() in _SUFFIXES)
@@ -62,7 +62,7 @@ def _of_folder(rig: CameraRig, folder: Path) -> dict[str, Path]:
     found = {name: by_name[plain_name(name)] for name in rig.names if plain_name(name) in by_name}
     if not found:
         raise FileError(
-            f"{folder} holds no video that is named like a camera. Videos: {choices(file.name for file in files)}. "
+            f"{folder} contains no video named like a camera. Videos: {choices(file.name for file in files)}. "
             f"Cameras: {choices(rig.names, 30)}. Name them: --video {rig.names[0]}=FILE."
         )
     for name, several in found.items():
@@ -88,7 +88,7 @@ def offsets_by_camera(given: Sequence[str]) -> dict[str, float]:
         except ValueError:
             seconds = float("nan")
         if not name or seconds != seconds or abs(seconds) == float("inf"):
-            raise OptionsError(f"--offset-s {text}: give CAMERA=SECONDS, such as cam1=0.02.")
+            raise OptionsError(f"--offset-s {text}: expected CAMERA=SECONDS, such as cam1=0.02.")
         if name in offsets:
             raise OptionsError(f"--offset-s names camera {name!r} twice.")
         offsets[name] = seconds

@@ -104,6 +104,6 @@ def _distortion(name: str, k1: float, sd: float, score: float, certainty: float)
 
 def _aspect(name: str, ratio: float, score: float, certainty: float) -> Finding:
     sentence = f"The aspect ratio of the images of camera {name!r} is {ratio:.3f} times that of its calibration."
-    remedy = "Check whether fx and fy are exchanged, or whether the images were stretched after the calibration."
+    remedy = "Check whether fx and fy are swapped, or whether the images were stretched after the calibration."
     kind = FindingKind.FOCAL_LENGTH
     return Finding(kind, (name,), None, ratio, "width / height", np.nan, certainty, 0.5 * score, sentence, remedy)

@@ -102,7 +102,7 @@ def expected_noise(observations: TrackedObservations, normalized: NormalizedView
 def expected_noise_of_view(
     observations: TrackedObservations, normalized: NormalizedViews, camera: Camera
 ) -> np.ndarray:
-    """Return the same for one view seen through ``camera``; the arrays have no view axis."""
+    """Return the expected noise of one view seen through ``camera``; the arrays have no view axis."""
     return (
         _NOISE_PER_WIDTH * max(camera.size_px) / _confidence_weights(observations, normalized) * normalized.pixel_size
     )

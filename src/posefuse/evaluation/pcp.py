@@ -62,8 +62,8 @@ class PartScores:
 def part_scores(predicted_m: np.ndarray, truth_m: np.ndarray, head_rule: HeadRule, alpha: float = ALPHA) -> PartScores:
     """Return PCP of predictions against truth.
 
-    Parts with a missing joint of the prediction are wrong; the joint is ignored when the closest prediction is
-    determined. Without predictions all parts are wrong. Parts that the truth lacks do not count, nor do head and torso
+    Parts with a missing predicted joint count as wrong; the joint is ignored when the closest prediction is
+    determined. Without predictions, all parts are wrong. Parts that the truth lacks do not count, nor do head and torso
     with the rule ``none``.
 
     Args:

@@ -40,7 +40,7 @@ def find_board(folder: Path) -> Path:
         listed = "".join(f"\n  --keypoints {file}" for file in files)
         raise RecordingError(
             f"{folder} has {len(files) or 'no'} files of board corners. posefuse reads sleap-anipose's *.metadata.h5 "
-            f"and Caliscope's xy.csv. {'Choose one:' + listed if files else 'Give one with --keypoints.'}"
+            f"and Caliscope's xy.csv. {'Choose one:' + listed if files else 'Specify one with --keypoints.'}"
         )
     return files[0]
 

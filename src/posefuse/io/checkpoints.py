@@ -254,7 +254,7 @@ def _key_in(folder: Path) -> str:
     """
     manifest = next((file for file in (folder / _MANIFEST, *folder.glob(f"*/{_MANIFEST}")) if file.is_file()), None)
     if manifest is None and any(file.is_file() and file.suffix != ".partial" for file in folder.rglob("*")):
-        raise FileError(f"{folder} holds files that are not parts of a reconstruction. Move it away.")
+        raise FileError(f"{folder} contains files that are not parts of a reconstruction. Move it away.")
     try:
         content = json.loads(manifest.read_text("utf-8")) if manifest is not None else {}
     except (OSError, ValueError):

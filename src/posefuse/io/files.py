@@ -227,7 +227,7 @@ def replacing(path: Path) -> Iterator[Path]:
     with _writable(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():
-            raise FileError(f"{path} is a folder. Give the name of a file.")
+            raise FileError(f"{path} is a folder. Specify the name of a file.")
     try:
         with _writable(path):
             yield temporary
@@ -332,7 +332,7 @@ def replacing_folder(
             process.
     """
     if folder.exists() and not folder.is_dir():
-        raise FileError(f"--output {folder} is a file. Give a folder.")
+        raise FileError(f"--output {folder} is a file. Specify a folder.")
     others = (
         sorted(entry.name for entry in folder.iterdir() if entry.name != CHECKPOINT_FOLDER) if folder.is_dir() else []
     )

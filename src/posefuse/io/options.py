@@ -141,7 +141,7 @@ def read_sync(path: str | Path) -> SyncOptions:
     unknown = [key for key in data if key != "sync"]
     if unknown or "sync" not in data:
         found = f"unknown table {unknown[0]!r}" if unknown else "no table [sync]"
-        raise OptionsError(f"{path.name}: {found}. A sync file, as posefuse sync writes it, has one table, [sync].")
+        raise OptionsError(f"{path.name}: {found}. A sync file contains exactly one table, [sync].")
     return options_from_dict(data, path.name).sync
 
 

@@ -88,7 +88,7 @@ def _identify_file(file: Path) -> Recording:
     if form is not None:
         return Recording(file, (RecognizedInput(file, form.name, form.recognized_by),), ())
     raise FileError(
-        f"{file} is neither a calibration nor keypoints in a known format, or is truncated. Give the folder of the "
+        f"{file} is neither a calibration nor keypoints in a known format, or is truncated. Specify the folder of the "
         "recording."
     )
 

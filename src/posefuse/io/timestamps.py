@@ -223,5 +223,5 @@ def _array(file: Path) -> tuple[np.ndarray, str]:
         if _MIN_INTERVAL_S <= step * scale < 1.0:
             return times * scale, unit
     raise FileError(
-        f"{file}: the interval {step:g} between frames is not plausible in any unit. Give a table with a column time_s."
+        f"{file}: the interval {step:g} between frames is not plausible in any unit. Use a table with a time_s column."
     )

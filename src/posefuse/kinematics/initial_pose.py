@@ -139,7 +139,7 @@ def turn_bones(frames: np.ndarray, shown: np.ndarray, bones: Iterable[int]) -> N
     Gauss-Newton steps do not find a direction that is far off.
 
     Args:
-        frames: shape (bone, 3, 3), in and out.
+        frames: shape (bone, 3, 3), updated in place.
         shown: shape (bone, 3), from :func:`bone_vectors`.
         bones: Indices of the bones.
     """

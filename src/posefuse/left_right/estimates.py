@@ -94,7 +94,7 @@ def with_generic_body(layout: Layout, model: SideModel) -> SideModel:
 def _expected_direction_cosine(layout: Layout) -> np.ndarray:
     """Return the expected cosine of each link, shape (link,).
 
-    Hips and shoulders are expected to be parallel; nothing is expected of other pairs.
+    Hips and shoulders are expected to be parallel; other pairs have the value 0, which carries no information.
     """
     return np.where(layout.trunk[layout.links].all(axis=1), _TRUNK_COSINE, 0.0)
 

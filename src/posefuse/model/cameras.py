@@ -353,7 +353,7 @@ def _check_matrix(name: str, matrix: np.ndarray) -> None:
     if matrix.shape != (3, 3):
         raise CameraError(f"Camera {name!r}: the matrix K must be 3 x 3, got shape {matrix.shape}.")
     if not np.all(np.isfinite(matrix)):
-        raise CameraError(f"Camera {name!r}: the matrix K holds numbers that are not finite: {matrix.tolist()}.")
+        raise CameraError(f"Camera {name!r}: the matrix K contains numbers that are not finite: {matrix.tolist()}.")
     if not (matrix[0, 0] > 0 and matrix[1, 1] > 0):
         raise CameraError(
             f"Camera {name!r}: focal lengths must be positive px, got {matrix[0, 0]:g} and {matrix[1, 1]:g}. "

@@ -49,7 +49,7 @@ class Frame:
                 f"Frame {self.number}: rows must be ordered by view, and views must be from 0 to {views - 1}."
             )
         if np.isinf(self.keypoints_px).any():
-            raise DetectionsError(f"Frame {self.number} holds an infinite pixel. Missing is NaN.")
+            raise DetectionsError(f"Frame {self.number} contains an infinite pixel. Use NaN for missing keypoints.")
         # Always read-only: Numba compiles another specialization for writable arrays.
         object.__setattr__(self, "keypoints_px", frozen(self.keypoints_px))
         object.__setattr__(self, "confidence", frozen(self.confidence))
@@ -130,8 +130,8 @@ class Frame:
         if len(confidence) != len(counts) or (track_ids is not None and len(track_ids) != len(counts)):
             raise DetectionsError(
                 f"Frame {number}: keypoints of {len(counts)} views, but confidences of {len(confidence)}"
-                + ("" if track_ids is None else f" and track ids of {len(track_ids)}")
-                + ". Give one array per view, empty if it shows no person."
+                + ("" if track_ids is None else f" and track IDs of {len(track_ids)}")
+                + ". Pass one array per view, empty if it shows no person."
             )
         shapes = [np.shape(people) for people in keypoints_px]
         keypoints = {shape[1] for shape in shapes if len(shape) == 3 and (shape[0] or shape[1])}

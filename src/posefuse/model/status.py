@@ -137,5 +137,5 @@ _VIEW_SENTENCES = {
     ViewStatus.BEHIND_CAMERA: "the point would be behind this camera",
     ViewStatus.NOT_RECORDED: "the view has no such frame",
     ViewStatus.NOT_USED: "valid, but the point was not solved",
-    ViewStatus.USED_SWAPPED: "used with left and right exchanged",
+    ViewStatus.USED_SWAPPED: "used with left and right swapped",
 }

@@ -43,7 +43,7 @@ class Tracks:
         object.__setattr__(self, "person_ids", tuple(self.person_ids))
         n = len(self.person_ids)
         if len(set(self.person_ids)) != n:
-            raise ResultError(f"Person ids must be unique, got {list(self.person_ids)}.")
+            raise ResultError(f"Person IDs must be unique, got {list(self.person_ids)}.")
         check_shape(ResultError, "Tracks", "detection", self.detection, frame=None, person=n, view=None)
         check_shape(ResultError, "Tracks", "state", self.state, frame=self.detection.shape[0], person=n)
 

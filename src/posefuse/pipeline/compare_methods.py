@@ -61,7 +61,7 @@ def compare_methods(
     options = replace(options, layer="measured", pairs=options.pairs or "labels")
     examined = with_findings(examine(rig, detections, options, progress))
     if len(examined.rig) == 1:
-        raise DetectionsError("There is one camera, so no method triangulates; a comparison needs two or more.")
+        raise DetectionsError("Only one camera is used. A comparison of triangulation methods needs two or more.")
     plans = [with_method(examined, method) for method in methods]
     notes = [note for plan in plans for note in plan.provenance.notes]
     if options.pairs == "labels":

@@ -260,7 +260,7 @@ def _write_chunks(plan: Plan, progress: Progress, checkpoint: Checkpoint, path: 
         progress.finish()
         if next(finished_chunks(plan, checkpoint), None) is None:
             raise
-        _warn("Interrupted: the result holds the finished chunks. Press Ctrl-C again to stop at once.")
+        _warn("Interrupted: the result contains the finished chunks. Press Ctrl-C again to stop at once.")
         netcdf.write(finished_chunks(plan, checkpoint), path)
 
 

@@ -32,7 +32,7 @@ class ShiftedViews:
     notes: tuple[str, ...]
 
     def with_detections(self, detections: Detections) -> "ShiftedViews":
-        """Return the same for other detections of the leading frames."""
+        """Return the corrected views with other detections of the leading frames."""
         return replace(self, detections=detections, time_s=self.time_s[: detections.n_frames])
 
 

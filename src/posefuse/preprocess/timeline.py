@@ -78,7 +78,7 @@ def _check_times(detections: Detections, known: np.ndarray) -> None:
         if lacking:
             raise DetectionsError(
                 f"View {name!r} has no time for {lacking} of its {int(detections.recorded[:, v].sum())} frames, while "
-                "others have times. Give the times of all, or of none."
+                "others have times. Specify the times of all, or of none."
             )
         times = detections.time_s[known[:, v], v]
         backward = np.flatnonzero(np.diff(times) < 0)

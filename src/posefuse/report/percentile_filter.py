@@ -82,7 +82,7 @@ def _with_gaps(profile: ErrorProfile) -> tuple[np.ndarray, np.ndarray]:
 def _draw_dots(
     axes: Axes, names: Sequence[str], before_px: np.ndarray, after_px: np.ndarray, threshold_px: float
 ) -> None:
-    """Draw one line per name from the value before to the value after, from the top."""
+    """Draw one line per name, from top to bottom, from the value before to the value after."""
     places = np.arange(len(names))
     axes.hlines(places, before_px, after_px, color=PALE, linewidth=1.5)
     axes.plot(before_px, places, "o", color=GRAY, markersize=4)

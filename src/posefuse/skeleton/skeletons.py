@@ -232,7 +232,7 @@ def shipped_skeleton(name: str) -> Skeleton:
             text = files("posefuse.skeleton").joinpath("skeletons", f"{candidate}.toml").read_text("utf-8")
             return parse_skeleton(text, f"{candidate}.toml")
     raise SkeletonError(
-        f"No skeleton {name!r}. {suggestion(name, shipped_skeletons())} Or give the path of a TOML file."
+        f"No skeleton {name!r}. {suggestion(name, shipped_skeletons())} Or specify the path of a TOML file."
     )
 
 

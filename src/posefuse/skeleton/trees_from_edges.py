@@ -17,7 +17,7 @@ def spanning_tree(
 ) -> Tree:
     """Build a tree whose bones are the edges of a skeleton.
 
-    The keypoint with most edges is the root. Keypoints that are not connected to it have no node, and an edge that
+    The keypoint with the most edges is the root. Keypoints that are not connected to it have no node, and an edge that
     closes a loop is not a bone. Symmetric bones share one length.
 
     Args:

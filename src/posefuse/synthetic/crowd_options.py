@@ -103,12 +103,12 @@ class CrowdOptions:
         check_fields(self, "")
         least = {"crowd": 1, "ten": 1, "dark": 1, "bumped": 1}.get(self.scenario, 2)
         if self.people is not None and not least <= self.people <= MOST_PEOPLE:
-            raise OptionsError(f"Scenario {self.scenario} has {least} to {MOST_PEOPLE} people, got {self.people}.")
+            raise OptionsError(f"Scenario {self.scenario} needs {least} to {MOST_PEOPLE} people, got {self.people}.")
         if self.scenario == "hug" and self.people not in (None, 2):
-            raise OptionsError(f"Scenario hug has 2 people, got {self.people}.")
+            raise OptionsError(f"Scenario hug needs 2 people, got {self.people}.")
         shortest = SHORTEST_S[self.scenario]
         if self.duration_s is not None and not self.duration_s >= shortest:
-            raise OptionsError(f"Scenario {self.scenario} lasts at least {shortest:g} s, got {self.duration_s}.")
+            raise OptionsError(f"Scenario {self.scenario} must last at least {shortest:g} s, got {self.duration_s}.")
         if self.statures_m and len(self.statures_m) != self.n_people:
             raise OptionsError(
                 f"statures_m needs one value for each of {self.n_people} people, got {len(self.statures_m)}."

@@ -41,7 +41,7 @@ def associate(
     """Assign detections to tracks, at most one per view and track.
 
     Args:
-        tracks: In and out: recent histories, and the states of people who moved fast.
+        tracks: Updated in place: recent histories, and the states of people who moved fast.
         frame: The frame.
         prediction: Predicted tracks; in and out as the states are.
         rejected: shape (view,), bool: cameras whose unassigned detections are not used.
@@ -94,7 +94,7 @@ def suppress_single_view_matches(rows: np.ndarray, gain: np.ndarray, lost: np.nd
     better, which has its own detection in that view: it is a second detection of that person.
 
     Args:
-        rows: shape (track, view), in and out.
+        rows: shape (track, view), updated in place.
         gain: shape (track, row): gain of each match.
         lost: shape (track,), bool: which tracks are lost.
         options: Options of the tracker.

@@ -51,11 +51,11 @@ def assign_fast_motion(
     """Assign the detections of people who moved farther than predicted, in place.
 
     Args:
-        tracks: In and out: states.
+        tracks: Updated in place: states.
         frame: The frame.
-        prediction: Predicted tracks; in and out: states at the time of the last frame.
-        rows: shape (track, view), in and out.
-        scores: In and out: swaps of the detections that are assigned.
+        prediction: Predicted tracks; updated in place: states at the time of the last frame.
+        rows: shape (track, view), updated in place.
+        scores: Updated in place: swaps of the detections that are assigned.
         unassigned: shape (row,), bool; changed.
         setup: Setup of the tracker.
     """

@@ -74,8 +74,8 @@ class FrameClock:
                 return self.time_s + self.period_s * self._frames_since(frame)
         if not known:
             raise DetectionsError(
-                f"Frame {frame.number} has no time, which the motion model needs. Give the frame rate of the recording "
-                "(--rate-hz, Options.rate_hz), or times (time_s of a Frame)."
+                f"Frame {frame.number} has no time, which the motion model needs. Specify the frame rate of the "
+                "recording (--rate-hz, Options.rate_hz), or times (time_s of a Frame)."
             )
         # Views of a frame that were taken one after the other are processed one after the other.
         return math.fsum(known) / len(known) if max(known) - min(known) < _SAME_TIME_S else max(known)

@@ -70,7 +70,7 @@ def update_contacts(
     """Update who is close to whom, and for how long views have shown only one of the two.
 
     Args:
-        contacts: In and out.
+        contacts: Updated in place.
         tracks: All tracks.
         state: States of the tracks.
         outcome: Outcome of the frame for these tracks.
@@ -129,7 +129,7 @@ def observe_separated(contacts: Contacts, tracks: TrackSet, outcome: FrameOutcom
     """Add this frame's observations of people whom several views show to their contacts.
 
     Args:
-        contacts: In and out.
+        contacts: Updated in place.
         tracks: All tracks.
         outcome: Outcome of the frame for these tracks.
         settings: Settings of the tracker.
@@ -177,7 +177,7 @@ def audit_identities(
     """Audit the people who have been separated for long enough; their contacts are dropped.
 
     Args:
-        contacts: In and out.
+        contacts: Updated in place.
         tracks: All tracks.
         state: States of the tracks.
         time_s: Time of the frame, in seconds.

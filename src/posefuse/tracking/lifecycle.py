@@ -65,7 +65,7 @@ def update_track(
     """Update score and state of a track by the views that support it.
 
     Args:
-        track: In and out.
+        track: Updated in place.
         score: Score of the track after the frame.
         thresholds: Scores at which states change.
         supported: shape (view,), bool: views that support the track.
@@ -162,8 +162,8 @@ def fix_shape(track: Track, state: State, p: int, time_s: float, dt_s: float, se
     """Fix the bone lengths of a body once two views have shown it for long enough.
 
     Args:
-        track: In and out.
-        state: In and out.
+        track: Updated in place.
+        state: Updated in place.
         p: Index of the track.
         time_s: Time of the frame, in seconds.
         dt_s: Time since the last frame, in seconds.
@@ -186,7 +186,7 @@ def restore_track(state: State, p: int, fitted: State, settings: TrackerSettings
     Lengths that are still estimated are combined with those of the new state.
 
     Args:
-        state: In and out.
+        state: Updated in place.
         p: Index of the track.
         fitted: State of one body whose lengths are estimated; it is not changed.
         settings: Settings of the tracker.

@@ -85,8 +85,8 @@ def manage(
     """Update the lifecycle of all tracks after an update.
 
     Args:
-        tracks: In and out: confirmed tracks.
-        book: In and out: tentative tracks, cameras and contacts.
+        tracks: Updated in place: confirmed tracks.
+        book: Updated in place: tentative tracks, cameras and contacts.
         frame: The frame.
         prediction: Predicted tracks.
         association: Assigned detections.

@@ -20,7 +20,7 @@ def merge_partial_detections(frame: Frame, rows: np.ndarray, scores: MatchScores
     Args:
         frame: The detections.
         rows: shape (track, view): assigned detections, -1 for none.
-        scores: Scores of the assignment; in and out: swaps of merged limbs.
+        scores: Scores of the assignment; updated in place: swaps of merged limbs.
         settings: Settings of the tracker.
 
     Returns:

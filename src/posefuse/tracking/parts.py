@@ -359,7 +359,7 @@ def swap_mirrored_parts(
     """Swap the hands of a detection that are clearly closer to each other's wrists than to their own.
 
     Args:
-        labels: shape (person, view, keypoint), in and out.
+        labels: shape (person, view, keypoint), updated in place.
         frame: The detections.
         rows: shape (person, view): assigned detections, -1 for none.
         projected: Projected bodies.

@@ -52,7 +52,7 @@ def predict(tracks: TrackSet, frame: FrameInput, setup: TrackerSetup) -> Predict
     """Predict all tracks to the time of a frame.
 
     Args:
-        tracks: In and out: states and swap probabilities.
+        tracks: Updated in place: states and swap probabilities.
         frame: The frame.
         setup: Setup of the tracker.
     """

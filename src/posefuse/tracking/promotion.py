@@ -70,8 +70,8 @@ def promote_tracks(
     """Continue tentative tracks by the unassigned detections of a frame, and promote those that satisfy the rule.
 
     Args:
-        tracks: In and out: confirmed tracks.
-        pool: In and out: tentative tracks.
+        tracks: Updated in place: confirmed tracks.
+        pool: Updated in place: tentative tracks.
         frame: The frame.
         association: Assigned detections.
         outcome: Outcome of the frame for the confirmed tracks.
@@ -171,7 +171,7 @@ def _promote(
 
     Args:
         tentative: The tentative track.
-        tracks: In and out: confirmed tracks.
+        tracks: Updated in place: confirmed tracks.
         frame: The frame.
         single_view: From :func:`_single_view_detections`.
         setup: Setup of the tracker.

@@ -45,7 +45,7 @@ def reinitialize_directions(
     """Turn segments and bones of one body to where they are shown; the covariance stays.
 
     Args:
-        state: In and out.
+        state: Updated in place.
         body: Index of the body.
         which: shape (segment + bone,), bool.
         points_m: shape (keypoint, 3): points that the views show, NaN where there are none.
@@ -66,7 +66,7 @@ def reinitialize_limb(state: State, body: int, keypoint: int, points_m: np.ndarr
     """Turn the bones that lead to a keypoint to where they are shown, with the uncertainty of a new body.
 
     Args:
-        state: In and out.
+        state: Updated in place.
         body: Index of the body.
         keypoint: Keypoint at the end of the limb.
         points_m: shape (keypoint, 3): points that the views show, NaN where there are none.

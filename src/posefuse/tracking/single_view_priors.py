@@ -25,7 +25,7 @@ def observe_posture(
 
     Args:
         state: Updated states.
-        recent: In and out.
+        recent: Updated in place.
         n_views: shape (track,), int64: number of views that support each track.
         dt_s: Time since the last frame, in seconds.
         settings: Settings of the tracker.
@@ -43,7 +43,7 @@ def observe_height(
 
     Args:
         projected: Predicted bodies.
-        recent: In and out.
+        recent: Updated in place.
         n_views: shape (track,), int64: number of views that support each track.
         dt_s: Time since the last frame, in seconds.
         settings: Settings of the tracker.

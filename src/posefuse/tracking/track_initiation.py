@@ -54,7 +54,7 @@ def continue_tentative(
     """Assign observations to tentative tracks and return the remaining observations.
 
     Args:
-        tracks: In and out.
+        tracks: Updated in place.
         observations: Observations of this frame.
         distance: Distance of a new observation from a track's last one; inf if it cannot continue the track.
     """
@@ -182,7 +182,7 @@ def update_by_observation(
     """Update one body by an observation.
 
     Args:
-        state: State of one body, in and out.
+        state: State of one body, updated in place.
         observation: The observation.
         settings: Settings of the tracker.
         since_s: Time since the last observation, with which it shares errors, in seconds; inf for the first one, which

@@ -52,7 +52,7 @@ def update(
     """Update all tracks by their detections.
 
     Args:
-        tracks: In and out: states and recent histories.
+        tracks: Updated in place: states and recent histories.
         frame: The frame.
         prediction: Predicted tracks.
         association: Assigned detections.

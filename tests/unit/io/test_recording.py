@@ -139,7 +139,7 @@ class TestResultFolder:
         (tmp_path / "thesis.docx").write_text("precious")
         with pytest.raises(FileError, match=r"already contains other files \(thesis.docx\)"):
             self.write(tmp_path, reconstruction_nc="1")
-        with pytest.raises(FileError, match="is a file. Give a folder"):
+        with pytest.raises(FileError, match="is a file. Specify a folder"):
             self.write(tmp_path / "thesis.docx", reconstruction_nc="1")
 
 

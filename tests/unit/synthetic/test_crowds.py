@@ -161,7 +161,7 @@ class TestSceneOptions:
         [
             ({"scenario": "dance"}, "scenario must be one of crowd.* got 'dance'"),
             ({"people": 0}, "from 1 to 30, got 0"),
-            ({"scenario": "hug", "people": 3}, "hug has 2 people, got 3"),
+            ({"scenario": "hug", "people": 3}, "hug needs 2 people, got 3"),
             ({"scenario": "leave", "people": 1}, "2 to 30 people"),
             ({"scenario": "hug", "duration_s": 5.0}, "at least 16 s"),
             ({"cameras": 1}, "from 2 to 32, got 1"),

@@ -46,7 +46,7 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
     arrays |= {name: held[name] for name in ("dist", "names", "size") if name in held}
     for name, array in arrays.items():
         if array.ndim == 0 or len(array) != n:
-            raise FileError(f"{path}: {name} should have {n} cameras, as K has; got shape {array.shape}.")
+            raise FileError(f"{path}: {name} must have {n} cameras, as K does; got shape {array.shape}.")
     names = [str(name) for name in arrays.get("names", range(n))]
     records = []
     for v in range(n):

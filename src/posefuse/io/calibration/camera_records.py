@@ -105,7 +105,7 @@ def _numbers(path: Path, camera: CameraRecord) -> _Numbers:
         values = as_numbers(getattr(camera, field), f"{path}, camera {camera.name!r}: {field}")
         if sizes is not None and values.size not in sizes:
             raise FileError(
-                f"{path}, camera {camera.name!r}: {field} should hold {' or '.join(map(str, sizes))} numbers, got "
+                f"{path}, camera {camera.name!r}: {field} must contain {' or '.join(map(str, sizes))} numbers, got "
                 f"{values.size}."
             )
         arrays[field] = values
@@ -127,7 +127,7 @@ def as_numbers(values: Any, where: str) -> np.ndarray:
             raise TypeError
         numbers = given.astype(np.float64).ravel()
     except (TypeError, ValueError, OverflowError):
-        raise FileError(f"{where} should consist of numbers, got {_short(values)}.") from None
+        raise FileError(f"{where} must consist of numbers, got {_short(values)}.") from None
     if not np.all(np.abs(numbers) < MAX_PLAUSIBLE):
         raise FileError(f"{where} has implausible values: {_short(numbers.tolist())}.")
     return numbers
@@ -144,7 +144,7 @@ def _camera(path: Path, camera: CameraRecord, row: _Numbers, scale: float) -> Ca
     else:
         size = as_numbers(camera.size_px, f"{path}, camera {camera.name!r}: image size")
     if size.size != 2:
-        raise FileError(f"{path}, camera {camera.name!r}: image size should hold 2 numbers, got {size.size}.")
+        raise FileError(f"{path}, camera {camera.name!r}: image size must contain 2 numbers, got {size.size}.")
     try:
         return Camera.from_opencv(
             camera.name, (size[0], size[1]), row.matrix, row.distortion, row.rotation, row.translation * scale,

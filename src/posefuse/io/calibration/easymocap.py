@@ -1,7 +1,7 @@
 """EasyMocap's ``intri.yml`` and ``extri.yml``: OpenCV's YAML with the camera's name at the end of each key.
 
 ``K_<name>``, ``dist_<name>`` (or ``D_<name>``), ``Rot_<name>`` (3 x 3) or ``R_<name>`` (Rodrigues vector),
-``T_<name>``, and in newer files ``H_<name>`` and ``W_<name>``; meters, world to camera. Give either file or their
+``T_<name>``, and in newer files ``H_<name>`` and ``W_<name>``; meters, world to camera. Specify either file or their
 folder.
 """
 

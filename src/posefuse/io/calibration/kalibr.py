@@ -68,7 +68,7 @@ def _poses(path: Path, tables: dict[str, dict[str, Any]]) -> list[np.ndarray]:
 def _matrix(path: Path, name: str, table: dict[str, Any], key: str) -> np.ndarray:
     values = as_numbers(table[key], f"{path}, {name}: {key}")
     if values.size != 16:
-        raise FileError(f"{path}, {name}: {key} should hold 16 numbers, got {values.size}.")
+        raise FileError(f"{path}, {name}: {key} must contain 16 numbers, got {values.size}.")
     return values.reshape(4, 4)
 
 
@@ -81,7 +81,7 @@ def _camera(path: Path, name: str, table: dict[str, Any], pose: np.ndarray) -> C
         )
     numbers = as_numbers(table.get("intrinsics"), f"{path}, {name}: intrinsics")
     if numbers.size != 4:
-        raise FileError(f"{path}, {name}: intrinsics should hold fu fv pu pv, got {numbers.size} numbers.")
+        raise FileError(f"{path}, {name}: intrinsics must contain fu fv pu pv, got {numbers.size} numbers.")
     fu, fv, pu, pv = numbers
     matrix = [[fu, 0.0, pu], [0.0, fv, pv], [0.0, 0.0, 1.0]]
     distortion = () if lens == "none" else table.get("distortion_coeffs", ())

@@ -46,7 +46,7 @@ def _camera(path: Path, name: str, entry: Any) -> CameraRecord:
     inside = entry.ravel()[0] if isinstance(entry, np.ndarray) and entry.size else entry
     missing = [field for field in _FIELDS if not isinstance(inside, dict) or field not in inside]
     if missing:
-        raise FileError(f"{where}: params has no {missing[0]}; it should have {', '.join(_FIELDS)}.")
+        raise FileError(f"{where}: params has no {missing[0]}; it must have {', '.join(_FIELDS)}.")
     matrix, radial, tangential, rotation, translation = (
         as_numbers(inside[f].T if isinstance(inside[f], np.ndarray) else inside[f], f"{where}: {f}") for f in _FIELDS
     )

@@ -1,6 +1,6 @@
 """mc_dev's and BioCV's ``.calib``: one text file per camera with 32 numbers: size, K, 4 x 4 pose, k1 k2 p1 p2 k3.
 
-mm, world to camera. Give the folder or one file; the files beside it with the same ending are read, too. Cameras are
+mm, world to camera. Specify the folder or one file; the files beside it with the same ending are read, too. Cameras are
 named by the part of the file name before the first dot (``00.mp4.calib``: 00).
 """
 
@@ -47,8 +47,8 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
     endings = sorted({_ending(file) for file in files})
     if len(endings) > 1:
         raise FileError(
-            f"{path} has calibrations with several endings: {choices(endings)}. Give one of the files; the files with "
-            "its ending are read."
+            f"{path} has calibrations with several endings: {choices(endings)}. Specify one of the files; the files "
+            "with its ending are read."
         )
     return build_rig(path, [_camera(file) for file in files], unit, "mm")
 
@@ -57,7 +57,7 @@ def _camera(file: Path) -> CameraRecord:
     values = as_numbers(small_text(file).split(), f"{file}: the text")
     if values.size != _COUNT:
         raise FileError(
-            f"{file} should hold {_COUNT} numbers (size 2, K 9, pose 16, distortion 5), got {values.size}. Is it "
+            f"{file}: expected {_COUNT} numbers (size 2, K 9, pose 16, distortion 5), got {values.size}. Is it "
             "truncated?"
         )
     pose = values[11:27].reshape(4, 4)

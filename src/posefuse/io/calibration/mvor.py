@@ -46,7 +46,7 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
     parameters = _parameters(read_json(path))
     lenses, poses = dict_list(parameters, "intrinsics"), parameters.get("extrinsics")
     if not isinstance(poses, list) or len(poses) != len(lenses):
-        raise FileError(f"{path}: {len(lenses)} cameras have intrinsics; extrinsics should have as many poses.")
+        raise FileError(f"{path}: {len(lenses)} cameras have intrinsics; extrinsics must have as many poses.")
     records = [_camera(path, f"camera_{v}", *each) for v, each in enumerate(zip(lenses, poses, strict=True), start=1)]
     return build_rig(path, records, unit, "mm", notes=("The images are rectified; the stored distortion is not used.",))
 
@@ -55,10 +55,10 @@ def _camera(path: Path, name: str, lens: dict[str, Any], pose: Any) -> CameraRec
     where = f"{path}, camera {name!r}"
     numbers = [as_numbers(lens.get(key, ()), f"{where}: {key}") for key in _LENS]
     if any(each.size != 2 for each in numbers):
-        raise FileError(f"{where}: {', '.join(_LENS)} should hold 2 numbers each.")
+        raise FileError(f"{where}: {', '.join(_LENS)} must contain 2 numbers each.")
     first_from_camera = as_numbers(pose, f"{where}: extrinsics")
     if first_from_camera.size != 16:
-        raise FileError(f"{where}: extrinsics should hold 16 numbers, got {first_from_camera.size}.")
+        raise FileError(f"{where}: extrinsics must contain 16 numbers, got {first_from_camera.size}.")
     first_from_camera = first_from_camera.reshape(4, 4)
     rotation = first_from_camera[:3, :3].T
     (fx, fy), (cx, cy), size = numbers

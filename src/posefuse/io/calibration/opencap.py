@@ -108,10 +108,10 @@ def _camera(file: Path) -> CameraRecord:
     data = _load(file)
     missing = [key for key in _NEEDED if key not in data]
     if missing:
-        raise FileError(f"{file}: no {missing[0]}; it should have {', '.join(_NEEDED)}.")
+        raise FileError(f"{file}: no {missing[0]}; it must have {', '.join(_NEEDED)}.")
     size = as_numbers(data["imageSize"], f"{file}: imageSize")
     if size.size != 2:
-        raise FileError(f"{file}: imageSize should hold height and width, got {size.size} numbers.")
+        raise FileError(f"{file}: imageSize must contain height and width, got {size.size} numbers.")
     return CameraRecord(
         file.parent.name, data["intrinsicMat"], data["rotation"], data["translation"], data["distortion"],
         (size[1], size[0]),

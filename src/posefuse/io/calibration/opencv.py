@@ -1,7 +1,7 @@
 """YAML and XML files of OpenCV's FileStorage: one or two files per camera with intrinsic and extrinsic parameters.
 
 Common key names are recognized (``camera_matrix``, ``cameraMatrix``, ``K``; ``distortion_coefficients``, ``D``; ``R``,
-``rvec``; ``T``, ``tvec``; ``image_width``, ``image_height``). Give the folder or one file; the files beside it are
+``rvec``; ``T``, ``tvec``; ``image_width``, ``image_height``). Specify the folder or one file; the files beside it are
 read, too. Cameras are named after their files, without ``intr_``, ``extr_`` and the like, so that ``intr_left.xml`` and
 ``extr_left.xml`` belong to one camera. OpenCV's stereo sample (``M1 D1 M2 D2 R T``) gives two cameras, the first at
 the origin.
@@ -129,8 +129,8 @@ def _by_name(path: Path, parts: list[_Part], what: str) -> dict[str, _Part]:
         if part.name in found:
             raise FileError(
                 f"{path}: two files have the {what} of camera {part.name!r}: {found[part.name].file.parent.name}/"
-                f"{found[part.name].file.name} and {part.file.parent.name}/{part.file.name}. Give the folder of one of "
-                "them."
+                f"{found[part.name].file.name} and {part.file.parent.name}/{part.file.name}. Specify the folder of "
+                "one of them."
             )
         found[part.name] = part
     return found

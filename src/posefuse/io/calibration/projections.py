@@ -67,7 +67,7 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
 def _read_text(file: Path) -> np.ndarray:
     values = as_numbers(small_text(file).replace(",", " ").split(), f"{file}: the text")
     if values.size != 12:
-        raise FileError(f"{file} should hold the 12 numbers of P in 3 rows, got {values.size}.")
+        raise FileError(f"{file} must contain the 12 numbers of P in 3 rows, got {values.size}.")
     return values.reshape(3, 4)
 
 

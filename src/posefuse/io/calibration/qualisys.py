@@ -88,7 +88,7 @@ def _camera(path: Path, element: ElementTree.Element, scale: float) -> Camera:
         except (TypeError, ValueError, OverflowError):
             value = math.inf
         if not abs(value) < MAX_PLAUSIBLE:
-            raise FileError(f"{path}, camera {name!r}: {child}@{attribute} should be a number, got {text!r}.")
+            raise FileError(f"{path}, camera {name!r}: {child}@{attribute} must be a number, got {text!r}.")
         return value
 
     left, top = number("fov_video", "left"), number("fov_video", "top")
@@ -152,7 +152,7 @@ def write(rig: CameraRig, path: Path) -> None:
 
 def _check_xml_text(text: str) -> str:
     if _NOT_IN_XML.search(text):
-        raise FileError(f"the Qualisys format is XML, which does not allow some characters of {text[:40]!r}")
+        raise FileError(f"the Qualisys format is XML, which does not allow some characters in {text[:40]!r}")
     return text
 
 

@@ -41,7 +41,7 @@ def read_cameras(path: str | Path, *, length_unit: LengthUnit | None = None, up:
     form = find_format(path)
     if form is None and path.is_dir():
         raise FileError(
-            f"{path} is a folder without one calibration file per camera; give the calibration file itself."
+            f"{path} is a folder without one calibration file per camera. Specify the calibration file itself."
         )
     if form is None:
         # Raise the specific error of an invalid TOML or XML file rather than "unknown format".

@@ -45,7 +45,7 @@ def camera_from_table(path: Path, key: str, table: Mapping[str, Any], meters_per
         raise FileError(f"{path}, table [{key}]: no {choices(missing)}; it has {choices(table)}.")
     name = str(table.get("name", key))
     if not isinstance(table.get("fisheye", False), bool):
-        raise FileError(f"{path}, table [{key}]: fisheye should be true or false, got {table['fisheye']!r}.")
+        raise FileError(f"{path}, table [{key}]: fisheye must be true or false, got {table['fisheye']!r}.")
     numbers = {field: _numbers(table[field], f"{path}, table [{key}]: {field}") for field in _NEEDED}
     extreme = [field for field in _NEEDED if np.any(np.abs(numbers[field]) >= MAX_PLAUSIBLE)]
     if extreme:
@@ -54,7 +54,7 @@ def camera_from_table(path: Path, key: str, table: Mapping[str, Any], meters_per
         got = numbers[field].size
         if got not in sizes:
             expected = " or ".join(map(str, sizes))
-            raise FileError(f"{path}, table [{key}]: {field} should hold {expected} numbers, got {got}.")
+            raise FileError(f"{path}, table [{key}]: {field} must contain {expected} numbers, got {got}.")
     try:
         return Camera.from_opencv(
             name,
@@ -89,7 +89,7 @@ def texts(path: Path, metadata: Mapping[str, Any], key: str) -> tuple[str, ...]:
     """
     values = metadata.get(key, [])
     if not isinstance(values, list) or not all(isinstance(value, str) for value in values):
-        raise FileError(f"{path}: metadata.{key} should be a list of texts, got {values!r}.")
+        raise FileError(f"{path}: metadata.{key} must be a list of strings, got {values!r}.")
     return tuple(values)
 
 
@@ -106,7 +106,7 @@ def _numbers(value: Any, what: str) -> np.ndarray:
             return np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         pass
-    raise FileError(f"{what} should consist of numbers, got {repr(value)[:60]}.")
+    raise FileError(f"{what} must consist of numbers, got {repr(value)[:60]}.")
 
 
 def _has_bool(value: Any) -> bool:

@@ -47,7 +47,7 @@ def _camera(path: Path, element: ElementTree.Element) -> CameraRecord:
     def numbers(node: ElementTree.Element, attribute: str, count: int) -> np.ndarray:
         values = as_numbers((node.get(attribute) or "").split(), f"{path}, camera {name!r}: {attribute}")
         if values.size != count:
-            raise FileError(f"{path}, camera {name!r}: {attribute} should hold {count} numbers, got {values.size}.")
+            raise FileError(f"{path}, camera {name!r}: {attribute} must contain {count} numbers, got {values.size}.")
         return values
 
     sensor = numbers(element, "SENSOR_SIZE", 2)

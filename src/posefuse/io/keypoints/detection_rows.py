@@ -82,7 +82,7 @@ def index_files(files: Sequence[Path], names: Sequence[str], columns: dict[str, 
         at = int(np.argmax(repeated))
         raise FileError(
             f"{files[0].parent}: camera {views[view[at]]!r} has two rows for frame {frame[at]}. "
-            "If the folder contains several recordings, give the folder of one."
+            "If the folder contains several recordings, specify the folder of one."
         )
     first = np.concatenate([np.cumsum(table.people) - table.people for table in tables])[order]
     table_of = np.repeat(np.arange(len(tables), dtype=np.int32), [len(table.frame) for table in tables])[order]

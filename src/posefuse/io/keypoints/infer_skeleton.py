@@ -35,7 +35,7 @@ def infer_skeleton(n_keypoints: int, keypoints_px: np.ndarray, source: str) -> t
         shipped = choices((f"{s.name} ({len(s)})" for s in candidates), 20)
         raise SkeletonError(
             f"{source} has {n_keypoints} keypoints, but no shipped skeleton does: {shipped}. "
-            "Give --skeleton with the name of a skeleton or the path of its TOML file."
+            "Specify --skeleton with the name of a skeleton or the path of its TOML file."
         )
     if len(fitting) == 1:
         return fitting[0], ()

@@ -93,7 +93,7 @@ def _names(meta_info: Any) -> tuple[str, ...]:
 
 
 def _skeleton(views: Sequence[ViewColumns], named: Sequence[tuple[str, ...]]) -> Skeleton | None:
-    """Return the skeleton of the names if all files have the same names, one per keypoint, or None."""
+    """Return the skeleton with the files' names; None unless all files have the same names, one per keypoint."""
     count = next((view.keypoints.shape[1] for view in views if len(view.keypoints)), 0)
     names = named[0] if named and len(named) == len(views) else ()
     if not names or set(named) != {names} or len(set(names)) != len(names) or count not in (0, len(names)):

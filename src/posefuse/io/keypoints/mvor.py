@@ -105,7 +105,7 @@ def _people(path: Path, detected: bool, data: _Data) -> list[tuple[int, list[lis
 
 def _triples(path: Path, numbers: list[float]) -> list[list[float]]:
     if len(numbers) % 3 or not numbers:
-        raise FileError(f"{path}: a person has {len(numbers)} numbers, expected x, y, confidence for each keypoint.")
+        raise FileError(f"{path}: a person has {len(numbers)} numbers; expected x, y, confidence for each keypoint.")
     return np.array(numbers, dtype=np.float64).reshape(-1, 3).tolist()
 
 

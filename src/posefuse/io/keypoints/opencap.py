@@ -67,7 +67,7 @@ def read(path: Path, request: Request) -> Detections:
     trials = trials_in(path)
     if len(trials) != 1:
         listed = "".join(f"\n  --keypoints {trial}" for trial in trials)
-        raise FileError(f"{path} has {len(trials)} OpenCap trials. Give a file of the one to read:{listed}")
+        raise FileError(f"{path} has {len(trials)} OpenCap trials. Specify a file of the one to read:{listed}")
     files = files_of(trials[0])
     request.progress.start("reading keypoints", len(files))
     views = []

@@ -239,7 +239,7 @@ def _length(person: _Person, where: tuple[Path, str, int]) -> int:
     n_numbers = len(person.pose_keypoints_2d)
     if n_numbers % 3:
         raise FileError(
-            f"{describe_person(where)}: pose_keypoints_2d has {n_numbers} numbers, expected x, y, confidence for each "
+            f"{describe_person(where)}: pose_keypoints_2d has {n_numbers} numbers; expected x, y, confidence for each "
             "keypoint."
         )
     return n_numbers // 3
@@ -349,7 +349,7 @@ FORMAT = KeypointFormat(
     name="openpose",
     files=("one folder per camera, one *.json per frame (also Pose2Sim, and AlphaPose in the OpenPose layout)"),
     conventions=("px; x y confidence, 0 0 0 is missing; hands and faces beside BODY_25; no frame rate: --rate-hz"),
-    recognized_by='one folder per camera with numbered JSON files that hold "people"',
+    recognized_by='one folder per camera with numbered JSON files that contain "people"',
     matches=matches,
     read=read,
     write=write,

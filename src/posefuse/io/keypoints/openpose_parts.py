@@ -98,7 +98,7 @@ class PartRows:
                 continue
             if len(numbers) != 3 * len(part):
                 raise FileError(
-                    f"{describe_person(where)}: {part.key} has {len(numbers)} numbers, expected x, y, confidence for "
+                    f"{describe_person(where)}: {part.key} has {len(numbers)} numbers; expected x, y, confidence for "
                     f"each of {len(part)} keypoints."
                 )
             self.numbers[i].extend(numbers)

@@ -104,7 +104,7 @@ def rows_of(person: Person, where: str) -> np.ndarray:
         raise FileError(f"{where}, frame {person.frame}: a keypoint of a person is not a number.") from None
     if values.size % 3 or (values.ndim == 2 and values.shape[1] != 3):
         raise FileError(
-            f"{where}, frame {person.frame}: a person has {values.size} numbers, expected x, y, confidence for each "
+            f"{where}, frame {person.frame}: a person has {values.size} numbers; expected x, y, confidence for each "
             "keypoint."
         )
     return values.reshape(-1, 3)

@@ -90,8 +90,8 @@ def with_timestamps(detections: Detections, stamps: Timestamps) -> Detections:
     missing = [name for v, name in enumerate(detections.view_names) if v not in by_view]
     if missing:
         raise MatchError(
-            f"{stamps.source} has no times of {choices(missing)}; it has those of {choices(stamps.by_view)}. Give the "
-            "times of every view, or use a constant rate: --rate-hz."
+            f"{stamps.source} has no times of {choices(missing)}; it has those of {choices(stamps.by_view)}. Specify "
+            "the times of every view, or use a constant rate: --rate-hz."
         )
     begin_s = math.floor(min(float(each.time_s.min()) for each in by_view.values()))
     times = np.full((detections.n_frames, detections.n_views), np.nan)

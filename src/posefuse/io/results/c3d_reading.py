@@ -112,7 +112,7 @@ def read_points(path: Path) -> StoredPoints:
 
 def _read(path: Path, data: bytes) -> C3dContent:
     if len(data) < _BLOCK or data[1] != _KEY:
-        raise FileError(f"{path} is not a C3D file: its second byte should be 0x50.")
+        raise FileError(f"{path} is not a C3D file: its second byte is not 0x50.")
     start = (data[0] - 1) * _BLOCK
     processor = data[start + 3]
     if processor not in (_INTEL, _DEC, _MIPS):
@@ -121,7 +121,7 @@ def _read(path: Path, data: bytes) -> C3dContent:
     head = np.frombuffer(data[:_BLOCK], _order(processor) + "u2")
     rate = _number(parameters, ("POINT", "RATE")) or float(_floats(data[20:24], processor)[0])
     if not (math.isfinite(rate) and rate > 0):
-        raise FileError(f"{path}: POINT:RATE should be positive, got {rate}.")
+        raise FileError(f"{path}: POINT:RATE must be positive, got {rate}.")
     first, n_frames = _frames(parameters, head)
     n_points, n_analog = int(head[1]), int(head[2])
     scale = _number(parameters, ("POINT", "SCALE")) or float(_floats(data[12:16], processor)[0])
@@ -179,8 +179,8 @@ def _values(
     n_bytes = n_frames * each * width
     if start < _BLOCK or start + n_bytes > len(data):
         raise FileError(
-            f"{path} should hold {n_bytes} bytes of {n_frames} frames starting at byte {start}, but has {len(data)} "
-            "bytes. Is it truncated?"
+            f"{path}: the header declares {n_bytes} bytes of {n_frames} frames starting at byte {start}, but the file "
+            f"has {len(data)} bytes. Is it truncated?"
         )
     content = data[start : start + n_bytes]
     if scale < 0:

@@ -132,7 +132,7 @@ def _header_of(path: Path) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         (levels for levels in (_ONE, _MANY) if tuple(row[0] for row in rows if row)[: len(levels)] == levels), ()
     )
     if not levels:
-        raise FileError(f"{path} is not a DeepLabCut table: its first rows should be {' '.join(_ONE)}.")
+        raise FileError(f"{path} is not a DeepLabCut table: its first rows must be {' '.join(_ONE)}.")
     names = [row[1:] for row in rows[: len(levels)]]
     return levels, list(zip(*names, strict=True))
 

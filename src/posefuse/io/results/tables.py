@@ -24,7 +24,7 @@ def header(path: Path) -> list[str]:
         with path.open(newline="", encoding="utf-8-sig") as lines:
             return next(csv.reader(lines), [])
     except (UnicodeDecodeError, csv.Error) as error:
-        raise FileError(f"{path} is not a CSV file in UTF-8: {error}.") from None
+        raise FileError(f"{path} is not a UTF-8 CSV file: {error}.") from None
     except OSError as error:
         raise FileError(f"{path} cannot be read: {error.strerror}.") from None
 

@@ -113,7 +113,7 @@ def open_video(path: Path) -> VideoReader:
     av = import_pyav()
     must_exist(path, "video")
     if path.is_dir():
-        raise FileError(f"{path} is a folder; give a video file.")
+        raise FileError(f"{path} is a folder. Specify a video file.")
     try:
         with av.open(str(path)) as container:
             if not container.streams.video:

@@ -28,20 +28,21 @@ class AlignOptions:
     """Coordinate system and scale of a result; the defaults keep those of the calibration.
 
     Attributes:
-        floor: Floor plane to use: keep or feet. Keep uses the calibration's up axis, feet fits the plane on which feet
-            rest.
+        floor: Floor plane to use: keep or feet. "keep" uses the calibration's up axis, "feet" fits the plane on which
+            feet rest.
         floor_points_m: Three points on the floor in calibration coordinates, nine numbers, instead of align.floor.
-        origin: Position of the origin: keep projects the calibration's origin onto the floor, subject uses the
+        origin: Position of the origin: "keep" projects the calibration's origin onto the floor, "subject" uses the
             subject's first position on the floor.
         origin_m: Origin in calibration coordinates, projected onto the floor, instead of align.origin.
-        forward: Forward direction: keep uses the calibration's first horizontal axis, subject the mean facing direction
-            of the subject, walk the mean walking direction.
+        forward: Forward direction: "keep" uses the calibration's first horizontal axis, "subject" the mean facing
+            direction of the subject, "walk" the mean walking direction.
         forward_m: Forward direction in calibration coordinates, three numbers, instead of align.forward.
-        preset: Axes of the result: none, opensim, blender or unreal. None and unreal are z up and x forward, opensim
-            is y up and x forward, blender is z up and -y forward; Unreal Engine itself is left-handed, in centimeters.
+        preset: Axes of the result: none, opensim, blender or unreal. "none" and "unreal" are z up and x forward,
+            "opensim" is y up and x forward, "blender" is z up and -y forward; Unreal Engine itself is left-handed, in
+            centimeters.
         height_m: Standing height of the subject, for the scale.
         length_m: Known distance between two keypoints, from which the scale is computed.
-        length_between: Names of the two keypoints whose distance align.length_m states.
+        length_between: Names of the two keypoints whose distance is align.length_m.
     """
 
     floor: Floor = option("keep", common=True)

@@ -32,7 +32,7 @@ class RptOptions:
         max_error_share: Upper limit of a keypoint's reprojection error, as a fraction of the image size.
         reference_distance_m: Distance from the cameras at which the error has weight 1; the weight increases with
             distance.
-        dropped_share: Fraction of a body's worst core keypoints that its score leaves out.
+        dropped_share: Fraction of a body's core keypoints, the worst ones, that its score leaves out.
     """
 
     min_score: float = option(0.92, at_least=0.0, at_most=1.0)
@@ -66,7 +66,8 @@ class AssociationOptions:
         full_weight_sigma: Residual up to which a view has full weight in the refinement of proposals.
         zero_weight_sigma: Residual beyond which a view has no weight in the refinement of proposals.
         min_confidence: Minimum confidence of a keypoint that is used for association.
-        min_common: Minimum number of core keypoints that two detections, or a detection and a group, have in common.
+        min_common: Minimum number of core keypoints that two detections, or a detection and a group, must have in
+            common.
         clutter_share: Width of the region in which another person's keypoint may be, as a fraction of the image width.
         outlier_share: Expected fraction of wrong keypoints in a detection of the right person.
         independent_keypoints: Number of common keypoints beyond which further keypoints add no evidence, because

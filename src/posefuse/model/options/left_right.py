@@ -28,9 +28,9 @@ class SideOptions:
         facing: Facing direction for the `plane` method: +x, -x, +y, -y, +z, -z or three numbers such as 1,0.5,0. Write
             the flag with an equals sign, as in --side-search.facing=-y.
         swap_share: Expected fraction of time in which a view has left and right swapped, before it is estimated, for
-            the method chains.
-        swap_duration_s: Expected duration of a left/right swap, before it is estimated, for the method chains.
-        iterations: Number of times the method chains repeats the assignment with updated estimates.
+            the method `chains`.
+        swap_duration_s: Expected duration of a left/right swap, before it is estimated, for the method `chains`.
+        iterations: Number of times the method `chains` repeats the assignment with updated estimates.
     """
 
     facing: str = "+x"

@@ -23,5 +23,5 @@ def named_numbers(entries: Iterable[str], option: str, form: str, example: str) 
         try:
             numbers[name.strip()] = float(number)
         except ValueError:
-            raise OptionsError(f"{option} must hold {form} entries such as {example}, got {entry!r}.") from None
+            raise OptionsError(f"{option} must contain {form} entries such as {example}, got {entry!r}.") from None
     return numbers

@@ -26,6 +26,6 @@ class NoiseOptions:
         check_fields(self, "noise")
         if len(self.cameras) != len(self.scale_px):
             raise OptionsError(
-                f"noise.scale_px must hold one number per camera in noise.cameras ({len(self.cameras)}), got "
+                f"noise.scale_px must contain one number per camera in noise.cameras ({len(self.cameras)}), got "
                 f"{len(self.scale_px)}."
             )

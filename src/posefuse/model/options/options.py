@@ -39,9 +39,9 @@ class Options:
     """All options of a reconstruction.
 
     Attributes:
-        people: Number of people: one, many or auto. Auto counts them.
+        people: Number of people: one, many or auto. "auto" counts them.
         person: Names of the people to keep, such as person_1; all by default.
-        bodies: Fit articulated models: auto, fit or none. Auto fits them to several people, fit also to a single one.
+        bodies: Fit articulated models: auto, fit or none. "auto" fits them to several people, "fit" also to one.
         pick: Person to use if a view shows several: largest or track-id. Without it, all people are kept, or with
             people = "one" the person whom the cameras see longest.
         skeleton: Keypoint set: a built-in name or a TOML file. By default it is inferred from the files.
@@ -66,16 +66,16 @@ class Options:
         triangulation: Options of triangulation.
         noise: Options of the detection noise.
         sync: Time offsets of the views.
-        pairs: Solution of left/right keypoint pairs: enumerate and sds solve both points together, labels each by its
-            label; by default enumerate with the method consensus and labels with others.
-        sides: Left/right assignment of solved pairs: chains (per limb, over time), votes (per frame) or plane (from the
-            facing direction).
+        pairs: Solution of left/right keypoint pairs: "enumerate" and "sds" solve both points together, "labels" each by
+            its label. The default is "enumerate" with the method "consensus", otherwise "labels".
+        sides: Left/right assignment of solved pairs: "chains" (per limb, over time), "votes" (per frame) or "plane"
+            (from the facing direction).
         pair_search: Options of the search for pairs.
         side_search: Options of the left/right assignment.
         association: Options of cross-view association.
         tracker: Options of the multi-person tracker.
-        solve: Solve per frame or over time: frame, trajectory or auto. Auto solves all frames together for one
-            subject, two or more cameras, ten seconds or more, and the method consensus.
+        solve: Solve per frame or over time: frame, trajectory or auto. "auto" solves all frames together for one
+            subject, two or more cameras, ten seconds or more, and the method "consensus".
         trajectory: Options of the trajectory solve.
         postprocess: Options of postprocessing.
         subject: Properties of the subject.
@@ -127,7 +127,7 @@ class Options:
         for name, rate_hz in self.rates_hz.items():
             if not (name and 0.0 < rate_hz < math.inf):
                 raise OptionsError(
-                    f"view_rates_hz must hold view=rate entries with rates above 0 Hz, got {name}={rate_hz}."
+                    f"view_rates_hz must contain view=rate entries with rates above 0 Hz, got {name}={rate_hz}."
                 )
         both = sorted(set(self.cameras) & set(self.exclude_camera))
         if both:

@@ -53,8 +53,8 @@ class PairOptions:
     Attributes:
         motion_sd_m: Standard deviation of a keypoint's motion between frames, which resolves ambiguous labelings; inf
             solves every frame independently.
-        seed: Random seed of the method sds.
-        sds: Options of the pair method sds.
+        seed: Random seed of the method `sds`.
+        sds: Options of the pair method `sds`.
     """
 
     motion_sd_m: float = option(math.inf, above=0.0, infinite=True)

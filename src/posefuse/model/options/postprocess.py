@@ -118,7 +118,7 @@ class PostprocessOptions:
     Attributes:
         drop_beyond_px: Mean reprojection error beyond which a point is dropped; no limit by default.
         drop_beyond_sd_m: Standard deviation (RMS over the axes) beyond which a point is dropped; no limit by default.
-        fill: Gap filling: none, linear, pchip or smoother. Pchip is monotone cubic interpolation, smoother the
+        fill: Gap filling: none, linear, pchip or smoother. "pchip" is monotone cubic interpolation, "smoother" the
             Kalman smoother's estimate; points are never extrapolated beyond a keypoint's first and last point.
         max_gap_s: Longest gap that is filled, in seconds.
         smooth: Filters to apply, in this order.

@@ -21,7 +21,7 @@ class RefineOptions:
         relocate: Cameras whose pose is estimated without using the given pose.
         max_points: Maximum number of points in the bundle adjustment.
         seed: Random seed of the samples from which cameras are located.
-        rigid: Treat the points as fixed on a rigid board that appears in many poses, instead of as a subject's.
+        rigid: Treat the points as those of a rigid board seen in many poses, not of a moving subject.
     """
 
     refine: Refine = "extrinsics"

@@ -23,7 +23,7 @@ class SpecificationOptions:
         missing_weight: Penalty for a frame without an observation in the tentative score (a5).
         promote_score: Minimum tentative score for confirmation (tau_promote).
         active_views_weight: Weight of a view in the score of a confirmed track (b1).
-        active_joints_weight: Weight of the share of observed keypoints in the score of a confirmed track (b2).
+        active_joints_weight: Weight of the fraction of observed keypoints in the score of a confirmed track (b2).
         active_error_weight: Penalty per standard deviation of reprojection error for a confirmed track (b3).
         active_missing_weight: Penalty for a frame without support for a confirmed track (b4).
         lost_score: Score below which a confirmed track is lost (tau_lost).

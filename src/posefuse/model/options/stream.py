@@ -25,8 +25,8 @@ class StreamOptions:
             latency is then not reported).
         when_behind: Behavior under overload: drop or wait. Drop discards and counts the oldest frames, wait makes the
             sender wait; the default is drop for network input and wait for stdin.
-        queue_frames: Maximum number of frames that wait for processing; the oldest are dropped.
-        queue_messages: Maximum number of messages that wait for parsing; the oldest are dropped.
+        queue_frames: Maximum number of frames waiting to be processed; beyond it, the oldest are dropped.
+        queue_messages: Maximum number of messages waiting to be parsed; beyond it, the oldest are dropped.
         open_frames: Maximum number of frames that wait for views; the oldest is processed without the missing ones.
         max_line_bytes: Maximum length of a message; longer ones are dropped.
         max_view_people: Maximum number of people in one view of a message; messages with more are dropped.

@@ -13,7 +13,7 @@ class SubjectOptions:
     """Properties of the recorded subject that derived quantities need.
 
     Attributes:
-        mass_table: Table of segment masses for the center of mass in com.csv; none writes no center of mass.
+        mass_table: Table of segment masses for the center of mass in com.csv; "none" writes no center of mass.
         mass_kg: Body mass of the subject, used in com.csv and in the scaling setup written for OpenSim.
     """
 

@@ -33,7 +33,7 @@ class SyncOptions:
         for name in ("start_s", "offset_s", "drift_ppm"):
             if len(getattr(self, name)) != len(self.cameras):
                 raise OptionsError(
-                    f"sync.{name} must hold one value per entry of sync.cameras ({len(self.cameras)}), got "
+                    f"sync.{name} must contain one value per entry of sync.cameras ({len(self.cameras)}), got "
                     f"{len(getattr(self, name))}."
                 )
 

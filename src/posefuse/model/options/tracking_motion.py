@@ -76,16 +76,16 @@ class PartOptions:
         model_floor_m: Systematic offset between a part's model joint and the detector's keypoint, in meters.
         error_memory_s: Correlation time of detection errors, for the filter, in seconds.
         smoother_error_memory_s: Correlation time of detection errors, for the smoother, in seconds.
-        smoother_independent_share: Share of each frame's information that the smoother treats as independent.
+        smoother_independent_share: Fraction of each frame's information that the smoother treats as independent.
         turn_decay_s: Time constant of the decay of the angular velocity of palms, faces and jaws, in seconds.
         turn_acceleration: Spectral density of angular acceleration of palms, faces and jaws, in rad^2/s^3.
         limb_decay_s: Time constant of the decay of the angular velocity of fingers, in seconds.
         limb_acceleration: Spectral density of angular acceleration of fingers, in rad^2/s^3.
-        anchor_sd_m: Standard deviation of the distance between a part's root and its position on the body, in meters.
-        anchor_sd_deg: Standard deviation of the angle between a part and its orientation on the body, in degrees.
+        anchor_sd_m: Standard deviation of the distance between a part's root and its anchor on the body, in meters.
+        anchor_sd_deg: Standard deviation of the angle between a part's orientation and its anchor's, in degrees.
         anchor_memory_s: Correlation time of the body's errors at the anchor, in seconds.
-        initiate_share: Share of a part's points that two views must show before the part is tracked.
-        initiate_within_m: Maximum distance of a part from its anchor when its track begins, in meters.
+        initiate_share: Fraction of a part's points that two views must show before the part is tracked.
+        initiate_within_m: Maximum distance of a part from its anchor when its track is initiated, in meters.
         swap_margin_m: Distance by which two hands must be closer to each other's wrists before they are swapped, in
             meters.
     """

@@ -17,10 +17,10 @@ class InitiationOptions:
         min_age_two_views_s: Age at which a tentative track seen in only two views can be confirmed, in seconds.
         two_views_log_odds: With the strategy `posefuse`, log odds that the views must accumulate before a track seen
             in only two views is confirmed; without contradicting views this takes 1 s.
-        hit_share: Minimum share of the frames of a tentative track that show it (K of L).
+        hit_share: Minimum fraction of the frames of a tentative track that show it (K of L).
         min_views: Minimum average number of views that show a tentative track (V_min).
         max_error_sigma: Maximum median reprojection error of a tentative track (tau_repr).
-        max_bone_variation: Maximum variation of bone lengths after subtracting the noise, as a share of the length
+        max_bone_variation: Maximum variation of bone lengths after subtracting the noise, as a fraction of the length
             (tau_len).
         promote_log_odds: Minimum total log odds of a tentative track's proposals for confirmation (tau_promote).
         max_age_s: Age at which an unconfirmed tentative track is dropped (A_tent_max), in seconds.
@@ -101,10 +101,10 @@ class CameraMonitorOptions:
         enabled: Whether to reject cameras that contradict the others, and to report silent cameras.
         window_s: Time constant of the statistics of each camera, in seconds.
         min_expected_s: Minimum number of person-seconds that a camera should have shown before it is evaluated.
-        reject_below_share: Share of the expected people below which a camera is rejected.
-        restore_above_share: Share of the expected people above which a rejected camera is used again.
-        min_unexplained_share: Minimum number of unassigned detections, as a share of expected people, for rejecting a
-            camera.
+        reject_below_share: Minimum fraction of the expected people that a camera must show not to be rejected.
+        restore_above_share: Minimum fraction of the expected people that a rejected camera must show to be used again.
+        min_unexplained_share: Minimum number of unassigned detections, as a fraction of expected people, for rejecting
+            a camera.
         silent_after_s: Time without frames, or without a detection of any expected person, after which a camera is
             silent, in seconds.
         back_after_s: Time for which a silent camera must deliver data again before it is reported as back, in seconds.
@@ -130,7 +130,7 @@ class IdentityAuditOptions:
     Attributes:
         enabled: Whether to compare bone lengths after two people separate, and to swap identities if they disagree.
         near_m: Distance below which two people can be confused, in meters.
-        apart_m: Distance above which two people are separated again, in meters.
+        apart_m: Distance above which two people count as separated again, in meters.
         min_merged_s: Minimum time for which most views must have shown only one of the two people, in seconds.
         observe_s: Time over which the separated people are observed before the comparison, in seconds.
         max_observe_s: Maximum time from the separation to the comparison, in seconds.
@@ -161,7 +161,7 @@ class ReinitializationOptions:
 
     Attributes:
         enabled: Whether to reinitialize directions that are unknown or that most views contradict.
-        unknown_share: Share of the initial variance above which a predicted direction counts as unknown.
+        unknown_share: Fraction of the initial variance above which a predicted direction counts as unknown.
         limb_after_s: Time for which most views must contradict a limb before it is reinitialized, in seconds.
     """
 
@@ -179,7 +179,7 @@ class PartialDetectionOptions:
 
     Attributes:
         enabled: Whether to merge partial detections of one person in one view.
-        max_common_share: Maximum share of the smaller detection's keypoints that both detections may have.
+        max_common_share: Maximum fraction of the smaller detection's keypoints that both detections have.
     """
 
     enabled: bool = True
@@ -197,14 +197,14 @@ class ReidentificationOptions:
         min_log_odds: Minimum log odds at which a new person is re-identified as a lost one.
         ambiguity_log_odds: Difference of log odds below which another lost track is reported as equally likely.
         corrupt_share: Probability that an observation of bone lengths is an outlier.
-        length_sd_share: Standard deviation of a bone length between two observations, as a share of the length.
+        length_sd_share: Standard deviation of a bone length between two observations, as a fraction of the length.
         length_sd_m: Constant part of the standard deviation of a bone length between two observations.
         reach_m: Distance that a lost person can move immediately, in meters, plus ``motion.top_speed_m_s`` times the
             elapsed time.
         room_m: Width of the region in which a new person appears with equal probability, in meters.
         trunk_sd_m: Standard deviation of the position of a barely visible trunk, in meters.
-        min_absence_share: Minimum time without support for a track that is not lost to be considered, as a share of the
-            time for which the new person was visible.
+        min_absence_share: Minimum time without support for a track that is not lost to be considered, as a fraction of
+            the time for which the new person was visible.
     """
 
     min_log_odds: float = option(0.0)
@@ -226,9 +226,9 @@ class LifecycleOptions:
     """Rules for which views should show a person and what a missing detection means.
 
     Attributes:
-        visible_share: Share of the core keypoints that must be inside an image for its view to be expected to show the
-            person.
-        occluded_share: Share of the core keypoints inside another detection's box above which a person is occluded.
+        visible_share: Fraction of the core keypoints that must be inside an image for its view to be expected to show
+            the person.
+        occluded_share: Fraction of the core keypoints inside another detection's box above which a person is occluded.
         max_missing_views: Maximum total effect of the views that miss a person while another view shows them, as a
             number of views.
         explained_evidence: Minimum evidence at which a tracked person explains a detection, in nats.

@@ -111,7 +111,7 @@ class TriangulationOptions:
             lowers it to the number of cameras, with a warning.
         min_confidence: Minimum detection confidence.
         confidence_exponent: Exponent of the noise model: the standard deviation of a detection is proportional to its
-            confidence to minus this power; 0 gives all detections the same noise.
+            confidence raised to minus this value; 0 gives all detections the same noise.
         flatten_single_view: With a single camera, place the keypoints in the plane z = 0 instead of at the detector's
             depth.
         consensus: Options of the method consensus.

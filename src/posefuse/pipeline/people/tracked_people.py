@@ -160,7 +160,7 @@ class TrackedPeople:
     def _cells_with_bodies(
         self, part: SmoothedPerson, start: int, out: BodyArrays
     ) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
-        """Return the same for a part, where its body is present."""
+        """Return the result of `_cells` for a part, restricted to frames in which its body is present."""
         f, p, seen = self._cells(part, start)
         there = np.isfinite(out.points_m[f, p]).any(axis=(1, 2))
         return (f[there], p[there]), seen[there]

@@ -122,7 +122,7 @@ def open_sources(
     names = [name for name in rig.names if name in videos or options.blank]
     if not names:
         raise MatchError(
-            f"No video to draw on. Give one per camera, such as --video {rig.names[0]}=FILE; the cameras are "
+            f"No video to draw on. Specify one per camera, such as --video {rig.names[0]}=FILE; the cameras are "
             f"{choices(rig.names)}. Or draw on a plain background with --blank."
         )
     by_number = options.match == "frame" or not has_times

@@ -65,7 +65,7 @@ def test_qualisys_principal_point_is_relative_to_the_video(tmp_path):
         (lambda text: text.replace("<camera ", "<kamera ").replace("</camera>", "</kamera>"), "has no cameras"),
         (
             lambda text: text.replace('focalLengthU="', 'focalLengthU="x'),
-            "intrinsic@focalLengthU should be a number, got 'x",
+            "intrinsic@focalLengthU must be a number, got 'x",
         ),
         (lambda text: text.replace('<?xml version="1.0"?>', '<!DOCTYPE a [<!ENTITY b "c">]>'), "entities"),
     ],

@@ -134,7 +134,7 @@ class TestArraysOfOneRig:
         fly = read_detections(tmp_path / "fly.npz")
         assert (fly.skeleton.name, fly.view_names, fly.n_frames) == ("fly_38", ("0", "1"), 4)
         np.savez(tmp_path / "fly.npz", **(content | {"tvec": np.zeros((3, 3))}))
-        with pytest.raises(FileError, match=r"t should have 2 cameras, as K has; got shape \(3, 3\)"):
+        with pytest.raises(FileError, match=r"t must have 2 cameras, as K does; got shape \(3, 3\)"):
             read_cameras(tmp_path / "fly.npz")
 
     def test_points_without_a_skeleton(self, tmp_path):

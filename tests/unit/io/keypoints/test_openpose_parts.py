@@ -114,7 +114,7 @@ def test_hands_of_another_size_are_an_error(scene, tmp_path):
     content = json.loads(path.read_text())
     content["people"][0]["hand_left_keypoints_2d"].pop()
     path.write_text(json.dumps(content))
-    with pytest.raises(FileError, match="person 0: hand_left_keypoints_2d has 62 numbers, expected x, y, confidence"):
+    with pytest.raises(FileError, match="person 0: hand_left_keypoints_2d has 62 numbers; expected x, y, confidence"):
         read_detections(folder)
 
 
