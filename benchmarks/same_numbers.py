@@ -58,7 +58,13 @@ class Expected:
 
 FLAGS: dict[str, str] = {
     **{f"--{old}".replace("_", "-"): f"--{new}".replace("_", "-") for old, new in RENAMED_OPTIONS.items()},
-    "--triangulation.weighted-subsets.target-unit normalised": "normalized",
+    # Units are part of the names of options; all cases give these in meters and as fractions of the focal length.
+    "--triangulation.weighted-subsets.target-unit": "",
+    "--triangulation.weighted-subsets.target-unit normalised": "",
+    "--triangulation.weighted-subsets.target-reprojection-error": "--triangulation.weighted-subsets.target-normalized",
+    "--triangulation.ransac.threshold-unit": "",
+    "--triangulation.ransac.threshold-unit m": "",
+    "--triangulation.ransac.threshold": "--triangulation.ransac.threshold-m",
     "init": "init --all",
 }
 """Names of flags, ``flag value`` pairs, commands and options of the library in the base, and the current ones.

@@ -101,7 +101,7 @@ def translated(words: list[str], flags: Mapping[str, str]) -> list[str]:
     for before, word in zip(["", *words], words, strict=False):
         flag, equals, value = word.partition("=")
         if f"{before} {word}" in flags:
-            found.append(flags[f"{before} {word}"])
+            found += flags[f"{before} {word}"].split()
         elif word in flags:
             found += flags[word].split()
         elif equals and flag in flags:

@@ -133,14 +133,9 @@ def resolve_min_views(options: Options, n_cameras: int) -> tuple[Options, tuple[
 
 
 def resolve_pairs(options: Options, n_cameras: int, skeleton: Skeleton) -> Options:
-    """Fill in how left/right pairs of keypoints are solved.
-
-    Methods that do not support left/right pairs use the labels as they are. So do people tracked without
-    a smoother: they must equal those of a live stream, which lacks the later frames that decide the sides.
-    """
-    causal = options.people == "many" and options.tracker.smoother == "none"
-    as_labeled = causal or not find_method(options.triangulation.method).supports_left_right
-    pairs = options.pairs or ("labels" if as_labeled else "enumerate")
+    """Fill in how left/right pairs of keypoints are solved; some methods use the labels as they are."""
+    supported = find_method(options.triangulation.method).supports_left_right
+    pairs = options.pairs or ("enumerate" if supported else "labels")
     return replace(options, pairs=pairs if n_cameras > 1 and skeleton.pairs else "labels")
 
 

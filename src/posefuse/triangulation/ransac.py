@@ -64,6 +64,7 @@ def find_inliers(observations: Observations, valid: np.ndarray, options: RansacO
     if is_sampled:
         np.random.default_rng(options.seed).shuffle(pairs)
     unfinished = np.ones(n, dtype=bool)
+    threshold = options.threshold_px if options.threshold_m is None else options.threshold_m
     for a, b in pairs:
         tested = np.flatnonzero(unfinished & valid[:, a] & valid[:, b])
         if not len(tested):
@@ -72,7 +73,7 @@ def find_inliers(observations: Observations, valid: np.ndarray, options: RansacO
         pair[:, [a, b]] = True
         points = observations[tested].solve(pair).points_m
         distance = distances(observations[tested], points, options)
-        is_inlier = valid[tested] & (distance <= options.threshold)
+        is_inlier = valid[tested] & (distance <= threshold)
         mean = mean_over(is_inlier, distance)
         extra = is_inlier.sum(axis=-1) - inliers[tested].sum(axis=-1)
         better = (extra > 0) | ((extra == 0) & (mean < residual[tested]))
@@ -94,7 +95,7 @@ def required_samples(inliers: np.ndarray, valid: np.ndarray, confidence: float) 
 
 def distances(observations: Observations, points_m: np.ndarray, options: RansacOptions) -> np.ndarray:
     """Return distances of points from the observations, shape (point, view), in px or, from the ray, in meters."""
-    if options.threshold_unit == "px":
+    if options.threshold_m is None:
         return observations.errors_px(points_m)
     out = np.empty(observations.pixels.shape[:2])
     for v, camera in enumerate(observations.rig.cameras):

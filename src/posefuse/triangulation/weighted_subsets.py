@@ -54,19 +54,17 @@ def solve(
     chosen = options.weighted_subsets
     flat = FlatLayer.of(layer)
     used = flat.view_status == ViewStatus.USED
-    units_px = error_units_px(rig, chosen)
+    target, units_px = chosen.target_normalized or chosen.target_px, error_units_px(rig, chosen)
     initial = mean_over(used, flat.view_error_px / units_px)
     with np.errstate(invalid="ignore"):
-        exceeding = np.flatnonzero(
-            (initial > chosen.target_reprojection_error) & (used.sum(axis=-1) > options.min_views)
-        )
+        exceeding = np.flatnonzero((initial > target) & (used.sum(axis=-1) > options.min_views))
     if not len(exceeding):
         return layer
     observations = Observations.gather(rig, detections, rows_by_person_frame(tracks, detections), noise, exceeding)
     points, weights = weighted_mean(observations, used[exceeding], units_px, options.min_views, chosen)
     errors_px = observations.errors_px(points)
     errors = mean_over(used[exceeding], errors_px / units_px)
-    reached = weights.best < chosen.target_reprojection_error
+    reached = weights.best < target
     with np.errstate(invalid="ignore"):
         better = np.isfinite(points).all(axis=-1) & (reached | (errors < initial[exceeding]))
     solved = observations.solve(weights.retained)
@@ -112,7 +110,7 @@ def weighted_mean(
         options: target error and number of cameras to drop.
     """
     n, n_views = used.shape
-    target = options.target_reprojection_error
+    target = options.target_normalized or options.target_px
     # Weights are relative to the best subset so far, so that they do not underflow.
     best = np.full(n, np.inf)
     total = np.zeros(n)
@@ -148,7 +146,7 @@ def weighted_mean(
 
 def error_units_px(rig: CameraRig, options: WeightedSubsetsOptions) -> np.ndarray:
     """Return the size of an error of 1 in px, shape (view,): 1, or the focal length for normalized errors."""
-    if options.target_unit == "px":
+    if options.target_normalized is None:
         return np.ones(len(rig))
     return np.array([0.5 * (camera.matrix[0, 0] + camera.matrix[1, 1]) for camera in rig.cameras])
 

@@ -130,7 +130,7 @@ def test_nearly_parallel_rays_are_weak_geometry_for_every_method(method):
 
 @pytest.mark.parametrize("drops", [3, 4, 5])
 def test_weighted_subsets_with_many_cameras_to_drop_state_the_views_that_points_rest_on(drops):
-    subsets = WeightedSubsetsOptions(max_cameras_to_drop=drops, target_reprojection_error=0.5)
+    subsets = WeightedSubsetsOptions(max_cameras_to_drop=drops, target_px=0.5)
     layer = measured(ring(8), "weighted_subsets", outliers=0.4, min_views=3, weighted_subsets=subsets)
     assert_statuses_hold(layer)
     assert (layer.view_status[layer.has_point] == ViewStatus.USED).sum(axis=-1).min() >= 3

@@ -34,9 +34,9 @@ def test_matches_the_naive_reference(max_drop, min_views):
 
 def test_normalized_units():
     data = walk(40, outlier_share=0.1)
-    in_px = WeightedSubsetsOptions(target_reprojection_error=12.0)
+    in_px = WeightedSubsetsOptions(target_px=12.0)
     focal = data.rig.cameras[0].matrix[0, 0]
-    normalized = WeightedSubsetsOptions(target_reprojection_error=12.0 / focal, target_unit="normalized")
+    normalized = WeightedSubsetsOptions(target_normalized=12.0 / focal)
     one = triangulate_walk(data, "weighted_subsets", weighted_subsets=in_px)
     other = triangulate_walk(data, "weighted_subsets", weighted_subsets=normalized)
     np.testing.assert_allclose(one.points_m, other.points_m, atol=1e-6)

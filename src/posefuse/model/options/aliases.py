@@ -138,6 +138,22 @@ RENAMED: dict[str, str] = {
 }
 """Former names of options. Stored results that use them are still read."""
 
+UNITS: dict[str, tuple[str, dict[str, str]]] = {
+    "triangulation.ransac.threshold": (
+        "triangulation.ransac.threshold_unit",
+        {"px": "triangulation.ransac.threshold_px", "m": "triangulation.ransac.threshold_m"},
+    ),
+    "triangulation.weighted_subsets.target_reprojection_error": (
+        "triangulation.weighted_subsets.target_unit",
+        {
+            "px": "triangulation.weighted_subsets.target_px",
+            "normalised": "triangulation.weighted_subsets.target_normalized",
+            "normalized": "triangulation.weighted_subsets.target_normalized",
+        },
+    ),
+}
+"""Former options whose unit was another option: the name of that option, and the current option of each unit."""
+
 REMOVED: frozenset[str] = frozenset({"side_search.learn_every", "side_search.memory"})
 """Former options without a successor. Stored results that hold them are still read."""
 
@@ -152,6 +168,9 @@ def matching_option(name: str, siblings: Iterable[str] = ()) -> str | None:
     name = name.strip("-").replace("-", "_").lower()
     if name in RENAMED:
         return RENAMED[name]
+    for former, (unit, current) in UNITS.items():
+        if name in (former, unit):
+            return current["px"]
     table, _, key = name.rpartition(".")
     valid = options_by_name()
     for word in (name, key):
@@ -188,10 +207,14 @@ def with_current_names(data: Mapping[str, Any], prefix: str = "") -> dict[str, A
         prefix: Table that holds the data, with its dot.
     """
     current: dict[str, Any] = {}
-    for name, value in _leaves(data, prefix):
-        if name in REMOVED:
+    leaves = dict(_leaves(data, prefix))
+    for name, value in leaves.items():
+        if name in REMOVED or any(name == unit for unit, _ in UNITS.values()):
             continue
         new = RENAMED.get(name, name)
+        if name in UNITS:
+            unit, by_unit = UNITS[name]
+            new = by_unit.get(leaves.get(unit, "px"), by_unit["px"])
         *tables, key = new.removeprefix(prefix).split(".")
         table = current
         for each in tables:

@@ -158,6 +158,23 @@ def check_fields(record: Any, path: str) -> None:
         raise OptionsError(" ".join(problems))
 
 
+def check_one_of(record: Any, path: str, default: str, other: str) -> None:
+    """Check that a field in one unit and the same field in another are not both given.
+
+    Args:
+        record: Dataclass instance that is being constructed.
+        path: Name of the table that holds the record.
+        default: Name of the field with a default.
+        other: Name of the field that replaces it.
+
+    Raises:
+        OptionsError: if ``other`` is given and ``default`` is not at its default.
+    """
+    fields = {field.name: field for field in dataclasses.fields(record)}
+    if getattr(record, other) is not None and getattr(record, default) != fields[default].default:
+        raise OptionsError(f"{path}: {default} and {other} are given. Remove one of them.")
+
+
 def expected_text(hint: Any, bounds: Bounds) -> str:
     """Return what the value of an option must be, such as ``a finite number above 0 s``.
 

@@ -1,13 +1,9 @@
 """Options of triangulation."""
 
 from dataclasses import dataclass, field
-from typing import Literal
 
 from posefuse.errors import OptionsError
-from posefuse.model.options.bounds import check_fields, option
-
-ErrorUnit = Literal["px", "normalized"]
-RansacUnit = Literal["px", "m"]
+from posefuse.model.options.bounds import check_fields, check_one_of, option
 
 METHODS: dict[str, str] = {
     "consensus": "finds the point that most views agree on, then identifies and rejects outlier views",
@@ -49,18 +45,18 @@ class WeightedSubsetsOptions:
     """Options of the method weighted_subsets.
 
     Attributes:
-        target_reprojection_error: Mean reprojection error above which a point is triangulated with fewer cameras.
-        target_unit: Unit of the target: px, or normalized for fractions of the focal length as in FreeMoCap, whose
-            target is 0.01.
+        target_px: Mean reprojection error above which a point is triangulated with fewer cameras.
+        target_normalized: The same as a fraction of the focal length, instead of target_px; FreeMoCap uses 0.01.
         max_cameras_to_drop: Maximum number of cameras that are left out of a point.
     """
 
-    target_reprojection_error: float = option(10.0, above=0.0, unit="target_unit")
-    target_unit: ErrorUnit = "px"
+    target_px: float = option(10.0, above=0.0)
+    target_normalized: float | None = option(None, above=0.0, below=1.0)
     max_cameras_to_drop: int = option(1, at_least=0)
 
     def __post_init__(self) -> None:
         check_fields(self, "triangulation.weighted_subsets")
+        check_one_of(self, "triangulation.weighted_subsets", "target_px", "target_normalized")
 
 
 @dataclass(frozen=True)
@@ -84,21 +80,22 @@ class RansacOptions:
     """Options of the method ransac.
 
     Attributes:
-        threshold: Maximum residual of an inlier view.
-        threshold_unit: Unit of the threshold: px in the image, or m between point and ray.
+        threshold_px: Maximum reprojection error of an inlier view.
+        threshold_m: Maximum distance between the point and the ray of an inlier view, instead of threshold_px.
         max_iterations: Maximum number of view pairs to sample.
         confidence: Probability of having sampled a pair of inlier views at which sampling stops.
         seed: Random seed of the sampled view pairs.
     """
 
-    threshold: float = option(15.0, above=0.0, unit="threshold_unit")
-    threshold_unit: RansacUnit = "px"
+    threshold_px: float = option(15.0, above=0.0)
+    threshold_m: float | None = option(None, above=0.0)
     max_iterations: int = option(200, at_least=1)
     confidence: float = option(0.999, above=0.0, below=1.0)
     seed: int = option(0, at_least=0)
 
     def __post_init__(self) -> None:
         check_fields(self, "triangulation.ransac")
+        check_one_of(self, "triangulation.ransac", "threshold_px", "threshold_m")
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ def test_every_suggestion_is_an_option(table):
         ("--multi-person", "people"),
         ("min-vews", "triangulation.min_views"),
         ("trajectory.calm", "trajectory.density_prior_s"),
+        ("triangulation.ransac.threshold_unit", "triangulation.ransac.threshold_px"),
         ("quaternion", None),
     ],
 )
@@ -38,3 +39,15 @@ def test_siblings_come_first():
 def test_former_names_are_replaced_in_their_table_only():
     data = {"trajectory": {"rounds": 2, "prior": "jerk"}, "rounds": 1}
     assert with_current_names(data) == {"trajectory": {"iterations": 2, "prior": "jerk"}, "rounds": 1}
+
+
+@pytest.mark.parametrize(
+    ("former", "current"),
+    [
+        ({"threshold": 15.0}, {"threshold_px": 15.0}),
+        ({"threshold": 15.0, "threshold_unit": "px", "seed": 3}, {"threshold_px": 15.0, "seed": 3}),
+        ({"threshold_unit": "m", "threshold": 0.05}, {"threshold_m": 0.05}),
+    ],
+)
+def test_former_thresholds_get_the_option_of_their_unit(former, current):
+    assert with_current_names({"triangulation": {"ransac": former}}) == {"triangulation": {"ransac": current}}
