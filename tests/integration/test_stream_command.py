@@ -55,7 +55,8 @@ def test_streamed_recording_gives_the_numbers_of_reconstruct(run, folder, lines)
     done = subprocess.run(
         stream(folder, "--clock", "messages", *FIXED), input=lines, capture_output=True, check=True, env=ENVIRONMENT
     )
-    options = Options(people="many", noise_scale_px=6.0, tracker=replace(Options().tracker, smoother="none"))
+    tracker = replace(Options().tracker, smoother="none")
+    options = Options(people="many", noise_scale_px=6.0, pairs="labels", tracker=tracker)
     rig = posefuse.read_cameras(folder / "calibration.toml")
     result = posefuse.reconstruct(rig, posefuse.read_detections(folder / "keypoints.nc"), options)
     start, *frames, report = [json.loads(line) for line in done.stdout.splitlines()]
