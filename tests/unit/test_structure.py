@@ -112,10 +112,7 @@ TESTED_ELSEWHERE = {
         "pipeline/people/track_recording.py",
         "pipeline/people/tracked_people.py",
     ),
-    "unit/pipeline/test_reconstruct_recording.py": (
-        "pipeline/defaults.py",
-        "pipeline/plan.py",
-    ),
+    "unit/pipeline/test_reconstruct_recording.py": ("pipeline/plan.py",),
     "unit/pipeline/test_solved_layer.py": ("postprocess/steps.py",),
     "unit/report/plots/test_registry.py": ("report/plots/*.py",),
     "unit/report/test_html.py": (

@@ -35,6 +35,8 @@ def votes(sequence: PairSequence) -> np.ndarray:
     weight = 1.0 - np.abs(np.einsum("npvix,npx->npvi", rays, across))
     if sequence.confidence is not None:
         confidence = sequence.confidence.reshape(-1, *sequence.confidence.shape[2:])
+        # A detector that gives no confidence trusts all its detections alike.
+        confidence = np.where(np.isnan(confidence), 1.0, confidence)
         weight = weight * np.take_along_axis(confidence, np.maximum(used, 0).astype(np.int64), axis=3)
     sign = np.where(used == np.arange(2), 1.0, -1.0)
     total: np.ndarray = sign * np.where(used >= 0, np.nan_to_num(weight), 0.0)

@@ -117,7 +117,11 @@ def resolve_method(options: Options, facts: RecordingFacts, n_cameras: int) -> t
         OptionsError: if a solve over time is requested and there is one camera.
     """
     options = resolve_pairs(options, n_cameras, facts.skeleton)
-    return resolve_min_views(resolve_solve(options, facts, n_cameras), n_cameras)
+    unused = unused_side_options(options)
+    for note in unused:
+        warnings.warn(note, PosefuseWarning, stacklevel=5)
+    options, notes = resolve_min_views(resolve_solve(options, facts, n_cameras), n_cameras)
+    return options, (*unused, *notes)
 
 
 def resolve_min_views(options: Options, n_cameras: int) -> tuple[Options, tuple[str, ...]]:
@@ -137,6 +141,20 @@ def resolve_pairs(options: Options, n_cameras: int, skeleton: Skeleton) -> Optio
     supported = find_method(options.triangulation.method).supports_left_right
     pairs = options.pairs or ("enumerate" if supported else "labels")
     return replace(options, pairs=pairs if n_cameras > 1 and skeleton.pairs else "labels")
+
+
+def unused_side_options(options: Options) -> tuple[str, ...]:
+    """Return a note if options of the left/right correction are given and left/right labels are used as they are."""
+    default = Options()
+    names = ("sides", "side_search", "pair_search")
+    given = [name for name in names if getattr(options, name) != getattr(default, name)]
+    if options.pairs != "labels" or not given:
+        return ()
+    return (
+        f"{' and '.join(given)} {'has' if len(given) == 1 else 'have'} no effect: the left/right labels are used as "
+        "they are (pairs = 'labels'). --pairs enumerate corrects them, with a method that supports it and two cameras or "
+        "more.",
+    )
 
 
 def resolve_solve(options: Options, facts: RecordingFacts, n_cameras: int) -> Options:

@@ -25,6 +25,15 @@ class TestVotes:
         mirrored = replace_pairs(swapped.given, used=np.where(pairs.used >= 0, 1 - pairs.used, -1).astype(np.int8))
         np.testing.assert_array_equal(assign(swapped.given, "votes").flipped, ~assign(mirrored, "votes").flipped)
 
+    def test_detections_without_confidence_vote_as_with_equal_confidence(self, swapped):
+        equal = replace(swapped.given, confidence=np.ones_like(swapped.given.confidence))
+        without = replace(swapped.given, confidence=np.full_like(swapped.given.confidence, np.nan))
+        mirrored = replace_pairs(
+            without, used=np.where(without.pairs.used >= 0, 1 - without.pairs.used, -1).astype(np.int8)
+        )
+        np.testing.assert_array_equal(assign(without, "votes").flipped, assign(equal, "votes").flipped)
+        assert (assign(without, "votes").flipped | assign(mirrored, "votes").flipped).all()
+
     def test_votes_are_weighted_by_confidence_and_direction(self):
         """A confident view with the points side by side outweighs two views with one point behind the other."""
         rig = build_rig("ring", 4)
