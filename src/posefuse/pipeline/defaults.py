@@ -152,8 +152,8 @@ def unused_side_options(options: Options) -> tuple[str, ...]:
         return ()
     return (
         f"{' and '.join(given)} {'has' if len(given) == 1 else 'have'} no effect: the left/right labels are used as "
-        "they are (pairs = 'labels'). --pairs enumerate corrects them, with a method that supports it and two cameras or "
-        "more.",
+        "they are (pairs = 'labels'). --pairs enumerate corrects them, with a method that supports it and at least two "
+        "cameras.",
     )
 
 

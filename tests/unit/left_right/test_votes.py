@@ -28,9 +28,8 @@ class TestVotes:
     def test_detections_without_confidence_vote_as_with_equal_confidence(self, swapped):
         equal = replace(swapped.given, confidence=np.ones_like(swapped.given.confidence))
         without = replace(swapped.given, confidence=np.full_like(swapped.given.confidence, np.nan))
-        mirrored = replace_pairs(
-            without, used=np.where(without.pairs.used >= 0, 1 - without.pairs.used, -1).astype(np.int8)
-        )
+        other_side = np.where(without.pairs.used >= 0, 1 - without.pairs.used, -1).astype(np.int8)
+        mirrored = replace_pairs(without, used=other_side)
         np.testing.assert_array_equal(assign(without, "votes").flipped, assign(equal, "votes").flipped)
         assert (assign(without, "votes").flipped | assign(mirrored, "votes").flipped).all()
 

@@ -13,7 +13,7 @@ from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 FACTS = RecordingFacts(100, 3, 300, True, True, 20.0, find_skeleton("coco_17"))
 
 
-@pytest.mark.parametrize("smoother", ["none", "lag", "whole"])
+@pytest.mark.parametrize("smoother", ["none", "lag", "full"])
 @pytest.mark.parametrize("people", ["one", "many"])
 def test_no_smoother_changes_how_pairs_are_solved(people, smoother):
     options = Options(people=people, tracker=TrackerOptions(smoother=smoother))
@@ -35,7 +35,5 @@ def test_side_options_without_effect_are_noted():
     assert unused_side_options(Options(pairs="labels")) == ()
     assert unused_side_options(Options(pairs="labels", sides="votes"))[0].startswith("sides has no effect")
     search = SideOptions(swap_duration_s=2.0)
-    assert (
-        "sides and side_search have"
-        in unused_side_options(Options(pairs="labels", sides="plane", side_search=search))[0]
-    )
+    note = unused_side_options(Options(pairs="labels", sides="plane", side_search=search))[0]
+    assert note.startswith("sides and side_search have no effect")
