@@ -36,7 +36,7 @@ def test_postprocessing_is_recorded_in_all_outputs(run, recording_with_gap, tmp_
     flags = ["--solve", "frame", "--postprocess.fill", "pchip", "--postprocess.smooth", "hampel", "butterworth"]
     code, output, _ = run("reconstruct", recording_with_gap, "-o", out, *SHORT, *flags)
     assert code == 0
-    assert "solved by frame" in output.replace("\n", " ")
+    assert "layer solved: triangulated by consensus, then postprocessed" in output.replace("\n", " ")
     assert "% filled" in output
     assert "% smoothed" in output
     wrist = [row for row in rows_of(out / "solved.csv") if row["keypoint"] == "left_wrist"]

@@ -17,16 +17,17 @@ _MAJOR_EVENTS = ("possible_identity_switch", "camera_rejected", "camera_silent")
 
 def describe_result(result: Reconstruction) -> None:
     """Print the size of a result, its notes and findings, and the share and accuracy of its points."""
-    from posefuse.report.summary import summarize
+    from posefuse.report.summary import layer_origin, summarize
 
     name, _ = result.best_layer(result.options.layer)
     summary = summarize(result.chunks(), name)
     rate = f" at {result.rate_hz:g} Hz" if result.rate_hz else ""
     note(
         f"{count(result.n_frames, 'frame')}{rate}, {count(len(result.rig), 'camera')}, "
-        f"{count(len(result.skeleton), 'keypoint')}, method {result.options.triangulation.method}, "
-        f"solved by {result.resolved.solve}"
+        f"{count(len(result.skeleton), 'keypoint')}"
     )
+    for layer in result.layers:
+        note(f"layer {layer}: {layer_origin(result, layer)}")
     for remark in result.provenance.notes:
         note(f"note: {remark}")
     for finding in result.findings:

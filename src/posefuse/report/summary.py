@@ -175,3 +175,15 @@ def distribution(values: np.ndarray) -> Distribution:
     if not flat.size:
         return Distribution(float("nan"), float("nan"), 0)
     return Distribution(float(np.median(flat)), float(np.percentile(flat, 90)), int(flat.size))
+
+
+def layer_origin(result: Reconstruction, layer: str) -> str:
+    """Return how the points of a layer were computed, as a phrase."""
+    if layer == "model":
+        return "bodies fitted to the 2D detections, independent of the triangulation method"
+    method = result.options.triangulation.method
+    if layer == "measured":
+        return f"triangulated by {method}" if len(result.rig) > 1 else "from a single camera"
+    if result.resolved.solve == "trajectory":
+        return "solved over the whole recording from the 2D detections"
+    return f"triangulated by {method}, then postprocessed"

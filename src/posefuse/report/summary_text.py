@@ -9,7 +9,7 @@ from posefuse.evaluation.people import PeopleScores
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus
 from posefuse.report.people import format_event_counts
-from posefuse.report.summary import Summary, format_sources
+from posefuse.report.summary import Summary, format_sources, layer_origin
 
 
 def summary_paragraphs(
@@ -36,7 +36,8 @@ def _describe_input(result: Reconstruction, summary: Summary) -> list[str]:
     n_with_point = _n_with_point(summary)
     sentences = [
         f"{people}, {len(result.skeleton)} keypoints ({result.skeleton.name}), {result.n_frames} frames{length}, "
-        f"{cameras}, method {result.options.triangulation.method}, layer {summary.layer}.",
+        f"{cameras}.",
+        f"The numbers are those of the layer {summary.layer}: {layer_origin(result, summary.layer)}.",
         f"{100 * n_with_point / max(summary.n_points, 1):.1f} % of the points {scope}have coordinates.",
     ]
     if n_with_point:

@@ -54,7 +54,8 @@ def test_same_result_gives_the_same_bytes(result):
 def test_summary_states_the_result_in_sentences(scene, result):
     accuracy = evaluate(result, truth_from_result(result, scene.truth))
     page = render_report(result, scene.truth, accuracy)
-    for words in ("1 person, 26 keypoints (halpe_26), 60 frames (2.0 s at 30 Hz), 4 cameras", "method consensus",
+    for words in ("1 person, 26 keypoints (halpe_26), 60 frames (2.0 s at 30 Hz), 4 cameras",
+                  "The numbers are those of the layer",
                   "Compared with the ground truth: median error", "Coverage of the 68 / 95 % regions",
                   "cam_3"):  # fmt: skip
         assert words in page
