@@ -74,6 +74,7 @@ RENAMED: tuple[Renamed, ...] = (
     Renamed("*", r"@options(_toml)?:(.*)", r"@resolved_options:\2"),
     *(Renamed("*.toml", rf"{re.escape(old)}(\[\])?", rf"{new}\1") for old, new in RENAMED_OPTIONS.items()),
     Renamed("*", r"@rig_metres_per_unit", r"@rig_meters_per_unit"),
+    Renamed("*/posefuse.json", r"source\.modelled", r"source.modeled"),
     Renamed("*/batch.json", r"numbers\.(.*)", r"statistics.\1"),
 )
 """Renamed files, columns and variables; the first matching rule applies.
