@@ -114,7 +114,8 @@ def _merge(table: _IdentityTable, edit: Merge, numbers: np.ndarray, states: np.n
         shared = numbers[both]
         raise EditError(
             f"{edit.into} and {edit.person} are both active in {len(shared)} frames ({shared[0]} to {shared[-1]}), so "
-            f"they look like two people. If they are one, choose whose frames to keep there: keep = {edit.into!r}."
+            "they are probably two people. If they are one person, choose whose frames to keep there: keep = "
+            f"{edit.into!r}."
         )
     take_second = rank[1] > rank[0]
     take_second[both] = edit.keep == edit.person
@@ -190,7 +191,7 @@ def _require_new_name(table: _IdentityTable, name: str) -> None:
 def _frame_index(number: int, key: str, numbers: np.ndarray) -> int:
     """Return the index of a frame number."""
     if not numbers[0] <= number <= numbers[-1]:
-        raise EditError(f"{key} {number} is not in this result; its frames are {numbers[0]} to {numbers[-1]}.")
+        raise EditError(f"{key} {number} is not in this result, which has frames {numbers[0]} to {numbers[-1]}.")
     index = int(np.searchsorted(numbers, number))
     if numbers[index] != number:
         raise EditError(

@@ -43,9 +43,9 @@ def explain(
         DetectionsError: if the detections do not match the result.
     """
     if result.tracks is None:
-        raise ResultError("This result has no assignments: it was not made from detections.")
+        raise ResultError("This result has no assignments, because it was not computed from detections.")
     if person is not None and person not in result.person_ids:
-        raise ResultError(f"No person {person!r} in this result. {suggestion(person, result.person_ids)}")
+        raise ResultError(f"This result has no person {person!r}. {suggestion(person, result.person_ids)}")
     place = _index_of(result, number)
     frame = None if detections is None else _frame_of(detections, number, result)
     context = _FrameContext.of(result, place, frame)
@@ -65,7 +65,7 @@ def _index_of(result: Reconstruction, number: int) -> int:
     if not len(found):
         first, last = result.frame_numbers[[0, -1]]
         lacking = "This frame was not recorded." if first < number < last else "Choose a frame of the result."
-        raise ResultError(f"No frame {number} in this result (frames {first} to {last}). {lacking}")
+        raise ResultError(f"This result has no frame {number}, only frames {first} to {last}. {lacking}")
     return int(found[0])
 
 
@@ -74,12 +74,13 @@ def _frame_of(detections: Detections, number: int, result: Reconstruction) -> Fr
     if not len(places):
         first, last = detections.frame_numbers[[0, -1]]
         raise DetectionsError(
-            f"The keypoints have no frame {number}, only {first} to {last}; the result was made from other keypoints."
+            f"The keypoints have no frame {number}, only {first} to {last}; the result was computed from other "
+            "keypoints."
         )
     if detections.skeleton.keypoints != result.skeleton.keypoints:
         raise DetectionsError(
-            f"The keypoints are {choices(detections.skeleton.keypoints, 4)}, those of the result "
-            f"{choices(result.skeleton.keypoints, 4)}; the result was made from other keypoints."
+            f"The 2D detections have the keypoints {choices(detections.skeleton.keypoints, 4)}, but the result has "
+            f"{choices(result.skeleton.keypoints, 4)}; the result was computed from other detections."
         )
     return Frame.of(detections, int(places[0]))
 
@@ -139,7 +140,7 @@ class _FrameContext:
             if given > there:
                 raise DetectionsError(
                     f"Camera {name} has {there} detections in frame {self.frame.number} of these keypoints, but the "
-                    f"result uses detection {given - 1}; it was made from other keypoints."
+                    f"result uses detection {given - 1}; the result was computed from other keypoints."
                 )
 
     def owner(self, view: int, number: int) -> int | None:

@@ -315,7 +315,7 @@ def test_divided_recording_gives_the_same_result_if_a_worker_dies(run, tmp_path,
         ((), 2, "No recording given"),
         (("x", "--window-s", "0"), 2, "--window-s must be more than 0"),
         (("x", "--jobs", "0"), 2, "--jobs must be at least 1"),
-        (("x", "--jobs", "2", "--scheduler", "tcp://x"), 2, "--jobs is for this machine"),
+        (("x", "--jobs", "2", "--scheduler", "tcp://x"), 2, "--jobs applies only to this machine"),
         (("x", "--calibration", "nowhere.toml"), 1, "No calibration at nowhere.toml"),
     ],
 )

@@ -262,7 +262,7 @@ class TestBadInput:
     def test_no_frame_rate(self, refused, recording, tmp_path, clean_scene):
         (recording / "keypoints.nc").unlink()
         write_openpose(recording / "pose", clean_scene.detections)
-        refused("reconstruct", recording, "-o", tmp_path / "o", words=["do not state their frame rate", "--rate-hz"])
+        refused("reconstruct", recording, "-o", tmp_path / "o", words=["do not specify their frame rate", "--rate-hz"])
 
     def test_empty_recording(self, refused, recording, tmp_path):
         (recording / "keypoints.nc").unlink()

@@ -139,11 +139,15 @@ class TestRefused:
         return check
 
     def test_misspelled_method_gets_a_suggestion(self, refused, tmp_path):
-        words = ["no method 'simpel'", "Did you mean 'simple'?", "There are: consensus, simple, weighted_subsets"]
+        words = [
+            "unknown method 'simpel'",
+            "Did you mean 'simple'?",
+            "The methods are: consensus, simple, weighted_subsets",
+        ]
         refused("-o", tmp_path / "o", "--methods", "consensus,simpel", words=words, code=2)
 
     def test_unknown_method_lists_the_valid_ones(self, refused, tmp_path):
-        words = ["no method 'dlt-svd'", "Choose one of: consensus, simple"]
+        words = ["unknown method 'dlt-svd'", "Choose one of: consensus, simple"]
         refused("-o", tmp_path / "o", "--methods", "dlt-svd", words=words, code=2)
 
     def test_single_camera(self, refused, tmp_path):

@@ -49,5 +49,7 @@ def test_other_formats_are_written_beside_a_result(run, recording, tmp_path, cap
 def test_unknown_format_is_refused(run, recording, tmp_path):
     code, _, err = run("reconstruct", recording, "--output", tmp_path / "out", "--also", "parket")
     assert code == 2
-    assert "--also parket: there is no additional format of this name. Did you mean 'parquet'?" in " ".join(err.split())
+    assert "--also parket: there is no additional format with this name. Did you mean 'parquet'?" in " ".join(
+        err.split()
+    )
     assert not (tmp_path / "out").exists()

@@ -128,7 +128,7 @@ def test_stream_without_valid_lines_fails(folder):
     output = " ".join(done.stderr.decode().split())
     assert "warning: line 1: " in output
     assert "malformed: 9 lines, not JSON" in output
-    assert "No line could be used." in output
+    assert "No line of the input was valid." in output
 
 
 def _lines(process: subprocess.Popen) -> Iterator[bytes]:
@@ -139,7 +139,7 @@ def _lines(process: subprocess.Popen) -> Iterator[bytes]:
 @pytest.mark.parametrize(
     ("more", "code", "message"),
     [
-        ((), 2, "Add --skeleton"),
+        ((), 2, "--skeleton is required"),
         (("--skeleton", "body_20", "--input", "tcp://"), 2, "the port is missing"),
         (("--skeleton", "body_20", "--max-wait-s", "-1"), 2, "max_wait_s must be a finite number above 0"),
         (("--skeleton", "fly_38", "--noise.cameras", "x", "--noise.scale-px", "1"), 2, "noise.cameras has no scale"),

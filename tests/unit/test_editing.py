@@ -190,7 +190,7 @@ class TestErrors:
             (Rename("person_1", "person_2"), "A person is already called 'person_2'; the names are person_1, person_2"),
             (Split("person_1", "person_3", 5), "A person is already called 'person_3'"),
             (Split("person_1", "x", 0), "no frames would remain for person_1"),
-            (Split("person_1", "x", 99), "from_frame 99 is not in this result; its frames are 0 to 29"),
+            (Split("person_1", "x", 99), "from_frame 99 is not in this result, which has frames 0 to 29"),
             (Drop("person_1", to_frame=30), "to_frame 30 is not in this result"),
             (Swap(("person_1", "bert"), 3), "No person is called 'bert'. Choose one of: person_1"),
         ],

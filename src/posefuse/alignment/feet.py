@@ -79,8 +79,8 @@ def floor_from_feet(points_m: Sequence[np.ndarray], skeleton: Skeleton, up: np.n
     still = np.concatenate([_still_points(part[:, :, columns]) for part in points_m])
     if len(still) < _MIN_POINTS:
         raise DetectionsError(
-            f"align.floor = 'feet' found {len(still)} positions of feet and needs {_MIN_POINTS}. Set three points on "
-            "the floor (align.floor_points_m)."
+            f"align.floor = 'feet' needs at least {_MIN_POINTS} positions of stationary feet, but found {len(still)}. "
+            "Set three points on the floor (align.floor_points_m)."
         )
     body = np.concatenate([part.reshape(-1, 3) for part in points_m])
     body = body[np.isfinite(body[:, 0])].mean(axis=0)
@@ -88,8 +88,8 @@ def floor_from_feet(points_m: Sequence[np.ndarray], skeleton: Skeleton, up: np.n
     if plane.spread_m < _MIN_SPREAD_M:
         if up is None:
             raise DetectionsError(
-                f"align.floor = 'feet': feet stand within {100 * plane.spread_m:.0f} cm of one line, which does not "
-                "determine a plane, and the up axis is unknown. Set the up axis (--up), or three points on the floor "
+                f"align.floor = 'feet': all feet are within {100 * plane.spread_m:.0f} cm of one line, which does not "
+                "determine a plane, and the up axis is unknown. Set the up axis (--up) or three points on the floor "
                 "(align.floor_points_m)."
             )
         # Use the lower points: the other foot may be raised.

@@ -36,7 +36,10 @@ def scale_factor(points_m: Sequence[np.ndarray], skeleton: Skeleton, options: Al
         first, second = options.length_between
         distance_m = median_distance(points_m, skeleton, first, second)
         if distance_m is None:
-            raise DetectionsError(f"align.length_m: {first} and {second} are rarely observed together.")
+            raise DetectionsError(
+                f"align.length_m: {first} and {second} are rarely observed together. Set other keypoints in "
+                "align.length_between."
+            )
         return options.length_m / distance_m
     assert options.height_m is not None
     return options.height_m / estimate_height_m(points_m, skeleton)
@@ -63,8 +66,8 @@ def estimate_height_m(points_m: Sequence[np.ndarray], skeleton: Skeleton) -> flo
                     shares.append(share)
     if not lengths:
         raise DetectionsError(
-            f"align.height_m needs limbs of a human (shoulder, elbow, wrist, hip, knee, ankle), and none was observed "
-            f"for skeleton {skeleton.name}. Set a known distance instead (align.length_m, align.length_between)."
+            "align.height_m needs human limbs (shoulder, elbow, wrist, hip, knee, ankle), but none were observed for "
+            f"skeleton {skeleton.name}. Set a known distance instead (align.length_m, align.length_between)."
         )
     return sum(lengths) / sum(shares)
 

@@ -84,7 +84,7 @@ def _floor_of_points(points_m: Sequence[np.ndarray], corners: np.ndarray) -> tup
     size = float(np.linalg.norm(normal))
     longest = max(float(np.linalg.norm(corners[i] - corners[i - 1])) for i in range(3))
     if not size > _MIN_AREA * longest**2:
-        raise OptionsError(f"align.floor_points_m: the three points are collinear: {corners.tolist()}.")
+        raise OptionsError(f"align.floor_points_m: the three points must not be collinear, got {corners.tolist()}.")
     normal /= size
     body = np.concatenate([part.reshape(-1, 3) for part in points_m])
     heights = (body[np.isfinite(body[:, 0])] - corners[0]) @ normal

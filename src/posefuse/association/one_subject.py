@@ -96,9 +96,9 @@ def select_subject(detections: Detections, pick: Pick | None, subject_ids: np.nd
         f, v = crowded[0]
         ways = "--pick largest or --pick track-id" if (subject_ids >= 0).any() else "--pick largest"
         raise DetectionsError(
-            f"View {detections.view_names[v]!r} shows {counts[f, v]} people in frame {detections.frame_numbers[f]} "
-            f"(and {len(crowded)} view-frames of this range show several). Choose the subject with {ways}, or remove "
-            "the others."
+            f"View {detections.view_names[v]!r} shows {counts[f, v]} people in frame {detections.frame_numbers[f]}. "
+            f"In this range, {len(crowded)} images show several people. Select the subject with "
+            f"{ways}, or remove the other people."
         )
     else:
         for f, v in crowded:

@@ -46,10 +46,12 @@ def jobs_of(
     inside = [str(folder) for folder in chosen if place in folder.parents]
     if inside:
         raise OptionsError(
-            f"--output {output} contains recordings of the batch ({choices(inside, 4)}). Choose another."
+            f"--output {output} contains recordings of the batch ({choices(inside, 4)}). Choose another folder."
         )
     if not chosen:
-        raise OptionsError(f"All folders are the output or results in it: {output}. Specify folders of recordings.")
+        raise OptionsError(
+            f"No folder is a recording: each is the output {output} or a result in it. Specify folders of recordings."
+        )
     calibration = None if calibration is None else calibration.resolve()
     names = _names(chosen)
     return [
@@ -82,9 +84,9 @@ def _names(folders: Sequence[Path]) -> list[str]:
         if names.count(name) > 1 or not folder.name:
             alike = [str(f) for n, f in zip(names, folders, strict=True) if n == name]
             raise OptionsError(
-                f"Results are named after their folders, and these have the same name: {choices(alike, 4)}. Rename "
-                "one, or process it in another batch."
+                "Each result is named after its recording's folder, but these folders have the same name: "
+                f"{choices(alike, 4)}. Rename one, or process it in another batch."
             )
         if name in RESERVED or name.startswith("."):
-            raise OptionsError(f"{folder}: its result would be named {name}, which is reserved. Rename the folder.")
+            raise OptionsError(f"{folder}: the result would be named {name}, which is reserved. Rename the folder.")
     return names

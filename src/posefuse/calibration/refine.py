@@ -292,8 +292,9 @@ def _cameras_to_leave_out(state: RefinementState, options: RefineOptions, *, che
         # If the points do not determine the camera, they do not prove that its pose was wrong either.
         if movable[v] and uncertainty is not None and checks.is_determined(uncertainty, v, distance_m):
             reasons[names[v]] = (
-                f"its calibrated pose has a reprojection error of {error:.0f} px, worse than no pose; it probably "
-                f"belongs to another camera. --relocate {names[v]} estimates it without an initial pose."
+                f"its calibrated pose has a reprojection error of {error:.0f} px, worse than without an initial pose; "
+                f"the pose probably belongs to another camera. Use --relocate {names[v]} to estimate it without an "
+                "initial pose."
             )
     return reasons
 
@@ -326,8 +327,8 @@ def _locate_cameras(
             found.append(located.camera)
     if not found:
         raise CalibrationError(
-            f"{choices(options.relocate)} cannot be located: this needs at least 20 points that other cameras agree "
-            "on, that are not coplanar, and that the camera observes mostly without outliers."
+            f"Cannot estimate the pose of {choices(options.relocate)}. This requires at least 20 noncoplanar points "
+            "that other cameras agree on and that this camera observes mostly without outliers."
         )
     before = replace(state.before, cameras=(*state.before.cameras, *found))
     rig = replace(state.rig, cameras=(*state.rig.cameras, *found))

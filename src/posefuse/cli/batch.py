@@ -92,7 +92,10 @@ def _run(todo: Sequence[Job], jobs: int | None, scheduler: str | None) -> Iterat
 
     if scheduler is not None:
         if jobs is not None:
-            raise OptionsError("--jobs is for this machine; on a cluster (--scheduler) its workers set the number.")
+            raise OptionsError(
+                "--jobs applies only to this machine; on a cluster (--scheduler), the number of workers determines "
+                "the number of jobs. Remove --jobs."
+            )
         return on_cluster(run_job_unless_long, todo, scheduler, run_divided_job)
     return in_processes(run_job, todo, jobs or processors())
 

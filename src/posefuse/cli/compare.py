@@ -72,8 +72,8 @@ def chosen_methods(given: tuple[str, ...]) -> tuple[str, ...]:
     for name in names:
         if name not in METHODS:
             hint = suggestion(name, METHODS)
-            listed = f" There are: {choices(METHODS)}." if hint.startswith("Did") else ""
-            raise OptionsError(f"--methods: no method {name!r}. {hint}{listed}")
+            listed = f" The methods are: {choices(METHODS)}." if hint.startswith("Did") else ""
+            raise OptionsError(f"--methods: unknown method {name!r}. {hint}{listed}")
     return tuple(dict.fromkeys(names)) or tuple(METHODS)
 
 

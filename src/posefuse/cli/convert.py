@@ -77,12 +77,15 @@ def convert(
             f"{path.name}). Convert the result that they come from."
         )
     if name is None and output.suffix in (".trc", ".c3d", ".bvh", ".glb"):
-        raise OptionsError(f"{output.name} would contain 3D results. posefuse reconstruct writes them.")
+        raise OptionsError(
+            f"{output.name} would contain 3D results, which posefuse convert cannot make from 2D keypoints. Use "
+            "posefuse reconstruct."
+        )
     if name is None:
         raise OptionsError(f"The format of {output.name} is unknown. Add --to, one of: {choices(names, 20)}.")
     keypoints, calibration = KEYPOINTS.find_written(name), CALIBRATIONS.find_written(name)
     if keypoints is None and calibration is None:
-        raise OptionsError(f"--to: posefuse writes no keypoints or calibrations as {name!r}. "
+        raise OptionsError(f"--to: posefuse cannot write keypoints or calibrations as {name!r}. "
                            f"{suggestion(name, names)}")  # fmt: skip
     source, reads = _source(path, keypoints, calibration)
     if reads == "keypoints" and keypoints is not None:
@@ -135,7 +138,7 @@ def _source(path: Path, keypoints: KeypointFormat | None, calibration: Calibrati
             return path, "keypoints"
         if calibration_format(path) is not None:
             return path, "a calibration"
-        raise FileError(f"{path} has no known format, or is truncated. posefuse formats lists the formats.")
+        raise FileError(f"{path} is not in a known format or is truncated. posefuse formats lists the formats.")
     found = find_recording(path)
     if keypoints is not None:
         return choose_keypoints(found), "keypoints"

@@ -188,7 +188,7 @@ def _c3d_finder(path: Path) -> Callable[[Reconstruction], Truth]:
 
     tracks = c3d_reading.read(path)
     if not tracks.unit:
-        raise ResultError(f"{path} does not state in POINT:UNITS whether its points are in mm, cm or m.")
+        raise ResultError(f"{path}: POINT:UNITS must specify mm, cm or m. Export the C3D again with its unit.")
     names = tuple(name.rpartition(":")[2] for name in tracks.names)
 
     def found(result: Reconstruction) -> Truth:

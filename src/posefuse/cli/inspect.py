@@ -46,7 +46,8 @@ def inspect(
     keypoint_sets = found.keypoints if keypoints is None else (_given(keypoints, calibration=False),)
     if not calibrations and not keypoint_sets:
         raise RecordingError(
-            f"{recording} contains no calibration and no 2D keypoints in a known format. posefuse formats lists them."
+            f"{recording} contains no calibration and no 2D keypoints in a known format. posefuse formats lists the "
+            "known formats."
         )
     rigs = [(item.path, rig) for item in calibrations if (rig := _calibration(item, options)) is not None]
     seen = [

@@ -64,7 +64,10 @@ def overlay(
     written = write_overlays(opened, videos, output, chosen, drawn_detections, Bars())
     left_out = [name for name in opened.rig.names if name not in videos]
     if left_out and not drawing.blank:
-        note(f"note: no video of {', '.join(left_out)}; --blank draws them on a plain background.")
+        note(
+            f"note: there is no video of {', '.join(left_out)}; --blank draws cameras without a video on a plain "
+            "background."
+        )
     for each in written:
         n_without = each.n_images - each.n_drawn
         more = f", {n_without} without a frame of the result" if n_without else ""

@@ -75,7 +75,7 @@ def stream(
             source.close()
             print_counts(session)
     if session.counts.lines and not any(each.received for each in session.grouper.counts):
-        warn("No line could be used.")
+        warn("No line of the input was valid.")
         sys.exit(1)
 
 
@@ -87,8 +87,8 @@ def _session(calibration: Path, stream: StreamOptions, options: Options) -> "Ses
 
     if options.skeleton is None:
         raise OptionsError(
-            f"Add --skeleton: the keypoints of the messages and their order. Specify a shipped skeleton "
-            f"({choices(shipped_skeletons(), 20)}) or a TOML file."
+            "--skeleton is required; it defines the keypoints of the messages and their order. Specify a shipped "
+            f"skeleton ({choices(shipped_skeletons(), 20)}) or a TOML file."
         )
     rig = read_cameras(must_exist(calibration, "calibration"), length_unit=options.length_unit, up=options.up)
     wanted = options.cameras or tuple(name for name in rig.names if name not in options.exclude_camera)

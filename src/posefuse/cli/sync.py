@@ -49,7 +49,7 @@ def sync(
     table(None, ["camera", "from s", f"late, {unit}", "+-", "drift ppm", "corrected"], rows)
     if reference is None:
         note("Offsets are relative to the clock that most views share. --reference names another camera as correct.")
-    note("A positive offset (+) means that the view captured its frames later than its timestamps state.")
+    note("A positive offset (+) means that the view captured its frames later than its timestamps indicate.")
     if found.does_nothing:
         say("No view has a significant time offset.")
         say("To search for other problems: posefuse inspect RECORDING --deep")

@@ -62,14 +62,14 @@ def _of_folder(rig: CameraRig, folder: Path) -> dict[str, Path]:
     found = {name: by_name[plain_name(name)] for name in rig.names if plain_name(name) in by_name}
     if not found:
         raise FileError(
-            f"{folder} contains no video named like a camera. Videos: {choices(file.name for file in files)}. "
-            f"Cameras: {choices(rig.names, 30)}. Name them: --video {rig.names[0]}=FILE."
+            f"{folder} contains no video named after a camera. Videos: {choices(file.name for file in files)}. "
+            f"Cameras: {choices(rig.names, 30)}. Specify them: --video {rig.names[0]}=FILE."
         )
     for name, several in found.items():
         if len(several) > 1:
             raise MatchError(
-                f"Camera {name!r} could be any of {choices(file.name for file in several)} in {folder}. Name it: "
-                f"--video {name}=FILE."
+                f"Several videos in {folder} match camera {name!r}: {choices(file.name for file in several)}. Specify "
+                f"one: --video {name}=FILE."
             )
     return {name: several[0] for name, several in found.items()}
 

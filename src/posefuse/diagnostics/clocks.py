@@ -125,7 +125,7 @@ def _offset(clock: _ViewClock) -> Finding:
     order = "later" if size > 0 else "earlier"
     sentence = (
         f"{clock.label} has a time offset of {size:+.2f} +- {sd:.2f} frames: its frames were captured {order} than "
-        "their timestamps state."
+        "their timestamps indicate."
     )
     kind = FindingKind.TIME_OFFSET
     return Finding(kind, clock.cameras, None, size, "frames", sd, clock.certainty, clock.gain, sentence, _REMEDY)

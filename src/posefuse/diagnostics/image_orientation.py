@@ -40,7 +40,7 @@ def _finding(cameras: tuple[str, ...], image: ImageTransform, score: float, foca
         changes.append(f"resized by a factor of {image.scale * focal_ratio:.3g}")
     images = f"The images of view {cameras[0]!r}" if cameras else "The images of all views"
     sentence = f"{images} differ from those of the calibration: {', '.join(changes)}."
-    remedy = "Detect keypoints in images like those of the calibration, or calibrate for the present images."
+    remedy = "Detect keypoints in images like those of the calibration, or calibrate for these images."
     size, unit = (image.scale, "times") if image.scale != 1.0 else (90.0 * image.quarter_turns, "deg")
     kind = FindingKind.IMAGE_TRANSFORM
     return Finding(kind, cameras, None, float(size), unit, np.nan, 0.97, 0.5 * score, sentence, remedy)

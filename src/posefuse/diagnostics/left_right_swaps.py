@@ -90,7 +90,7 @@ def find(examination: Examination) -> tuple[Finding, ...]:
 
 def _finding(name: str, share: float, typical: float) -> Finding:
     if share > 0.9:
-        sentence = f"View {name!r} labels left and right opposite to the other views all the time."
+        sentence = f"View {name!r} always labels left and right opposite to the other views."
         remedy = "Its images are probably mirrored, or its keypoints are in another order. Exchange left and right."
     else:
         sentence = f"View {name!r} swaps left and right {100 * share:.0f} % of the time."

@@ -69,8 +69,7 @@ def camera_finding(layers: Sequence[Layer], rig: CameraRig) -> str | None:
     return (
         f"Most detections of camera{'s' * several} {shares} contradict the other cameras. "
         f"{'Their' if several else 'Its'} calibration is wrong or belongs to another camera, the camera was moved, or "
-        "it shows "
-        "another scene. --exclude-camera excludes a camera."
+        "it shows another scene. Use --exclude-camera to exclude a camera."
     )
 
 
@@ -85,5 +84,5 @@ def coincidence_finding(rig: CameraRig) -> str | None:
     a, b = np.unravel_index(int(distances.argmin()), distances.shape)
     return (
         f"Cameras {rig.names[a]!r} and {rig.names[b]!r} have the same position; one calibration is probably a copy of "
-        "the other. --exclude-camera excludes one of them."
+        "the other. Use --exclude-camera to exclude one of them."
     )

@@ -16,7 +16,10 @@ def find(examination: Examination) -> tuple[Finding, ...]:
         return ()
     names = examination.observations.rig.names
     if len(names) == 2:
-        sentence = f"Cameras {names[0]!r} and {names[1]!r} do not agree; two cameras do not show which one is wrong."
+        sentence = (
+            f"Cameras {names[0]!r} and {names[1]!r} do not agree; two cameras are not enough to tell which one is "
+            "wrong."
+        )
     else:
         sentence = (
             "Hardly any two cameras agree, and no other camera order, image rotation or image size makes them agree."

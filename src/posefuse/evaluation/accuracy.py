@@ -218,7 +218,7 @@ def truth_from_trajectories(
         return Truth(keypoints, points, "order")
     if not np.isfinite(result.time_s).any():
         raise ResultError(
-            f"The result has {result.n_frames} frames without times and the truth {len(points)}, so they cannot be "
+            f"The result has {result.n_frames} frames without times and the truth has {len(points)}, so they cannot be "
             "matched. Reconstruct with the frame rate (--rate-hz), or cut the truth to the same frames."
         )
     if len(time_s) < 2 or not np.all(np.diff(time_s) > 0):

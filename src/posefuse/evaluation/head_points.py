@@ -44,7 +44,7 @@ def joints_14(points_m: np.ndarray, skeleton: Skeleton, rule: HeadRule, up_axis:
         ResultError: if the rule does not exist or requires another up axis.
     """
     if rule not in HEAD_RULES:
-        raise ResultError(f"No head rule {rule!r}. {suggestion(rule, HEAD_RULES)}")
+        raise ResultError(f"Unknown head rule {rule!r}. {suggestion(rule, HEAD_RULES)}")
     if rule == "shelf" and up_axis not in ("z", None):
         raise ResultError(f"Head rule 'shelf' needs a world with z up; the up axis is {up_axis}.")
 

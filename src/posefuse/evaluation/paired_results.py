@@ -81,7 +81,7 @@ class PeoplePoints:
         for name, points in (("person_ids", self.points_m), ("truth_ids", self.truth_m)):
             ids = getattr(self, name) or tuple(f"person_{i + 1}" for i in range(points.shape[1]))
             if len(ids) != points.shape[1]:
-                raise ResultError(f"{name}: {len(ids)} names for {points.shape[1]} people.")
+                raise ResultError(f"{name}: expected one name for each of {points.shape[1]} people, got {len(ids)}.")
             object.__setattr__(self, name, tuple(ids))
 
 
@@ -92,7 +92,7 @@ def only_in_states(result: Reconstruction, states: Collection[TrackState]) -> Re
         ResultError: if the result has no tracks.
     """
     if result.tracks is None:
-        raise ResultError("This result has no tracks and therefore no states. Omit states.")
+        raise ResultError("This result has no tracks and therefore no track states. Omit states.")
     out = ~np.isin(np.asarray(result.tracks.state[:]), [int(state) for state in states])
     layers = {}
     for name, layer in result.layers.items():

@@ -43,7 +43,7 @@ def read_text(path: Path) -> str:
     try:
         return path.read_text("utf-8")
     except UnicodeDecodeError as error:
-        raise FileError(f"{path} is not a text file in UTF-8 (byte {error.start}).") from None
+        raise FileError(f"{path} is not a text file in UTF-8 (invalid byte at position {error.start}).") from None
     except OSError as error:
         raise FileError(f"{path} cannot be read: {error.strerror}.") from None
 

@@ -91,7 +91,10 @@ def check_storage(path: Path, file: h5py.File, size_of: Callable[[h5py.Dataset],
     # visititems_links ignores exceptions of its callback, so the callback returns what it finds.
     external = file.visititems_links(external_link)
     if external is not None:
-        raise FileError(f"{path}: {external[0]} links to another file, {external[1][:60]!r}. The file is not read.")
+        raise FileError(
+            f"{path}: {external[0]} links to another file, {external[1][:60]!r}, which posefuse does not follow. Store "
+            "all data in one file."
+        )
     file.visititems(check)
     check_unpacked_size(path, total)
 
@@ -100,7 +103,10 @@ def _check_is_internal(path: Path, name: str, data: h5py.Dataset) -> None:
     """Refuse data stored in other files, and data that is compressed more than once."""
     creation = data.id.get_create_plist()
     if creation.get_external_count() or data.is_virtual:
-        raise FileError(f"{path}: the data of {name} is stored in another file. The file is not read.")
+        raise FileError(
+            f"{path}: the data of {name} is stored in another file, which posefuse does not read. Store all data in "
+            "one file."
+        )
     numbers = [creation.get_filter(i)[0] for i in range(creation.get_nfilters())]
     packed = [_COMPRESSION_FILTERS[number] for number in numbers if number in _COMPRESSION_FILTERS]
     if len(packed) > 1:

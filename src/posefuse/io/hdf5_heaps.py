@@ -32,7 +32,7 @@ def check_heaps(path: Path) -> None:
         for start in _collections(file):
             if not _is_whole(content, start):
                 raise FileError(
-                    f"{path} is not a complete HDF5 file: its strings at byte {start} are broken. Is the file "
+                    f"{path} is not a complete HDF5 file: its strings at byte {start} are corrupt. Is the file "
                     "truncated?"
                 )
 

@@ -65,7 +65,7 @@ def open_file(path: Path, kind: str) -> h5netcdf.File:
         file = h5netcdf.File(path, "r")
     except Exception as error:  # a broken file can raise any exception
         if path.suffix != ".nc":
-            raise FileError(f"{path} is not a posefuse {kind} file; their names end in .nc.") from None
+            raise FileError(f"{path} is not a posefuse {kind} file; the names of such files end in .nc.") from None
         raise FileError(f"{path} is not a readable netCDF-4 file: {error}. Is the file truncated?") from None
     with reading(path, "netCDF-4 file"):
         stored_kind = file.attrs.get("posefuse_kind")

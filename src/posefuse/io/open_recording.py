@@ -139,8 +139,8 @@ def require_times(detections: Detections) -> None:
     """
     if detections.rate_hz is None and not (detections.time_s == detections.time_s).any():
         raise DetectionsError(
-            "The keypoint files do not state their frame rate, which the results need. Add --rate-hz 60 (or the frame "
-            "rate of your videos)."
+            "The keypoint files do not specify their frame rate, which the results need. Add --rate-hz 60 (or the "
+            "frame rate of your videos)."
         )
 
 

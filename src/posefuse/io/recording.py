@@ -131,7 +131,7 @@ def find_inputs(
     if calibration is not None and keypoints is not None:
         return InputPaths(calibration, keypoints)
     if candidates and _lacks_rate(folder, candidates[0], options or Options()):
-        problems.append("No frame rate is stated in the keypoint files or beside them. Add --rate-hz.")
+        problems.append("The keypoint files and the files beside them specify no frame rate. Add --rate-hz.")
     raise RecordingError("\n".join(problems))
 
 

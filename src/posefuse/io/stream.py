@@ -89,7 +89,9 @@ class LineReader:
             reason = f"time_s is {message.time_s:g}; expected seconds below {MAX_TIME_S:g}."
             return RejectedLine("impossible number", reason, view)
         if len(message.people) > self.max_people:
-            reason = f"{len(message.people)} people in one view; at most {self.max_people} (--max-view-people)."
+            reason = (
+                f"one view has {len(message.people)} people; at most {self.max_people} are allowed (--max-view-people)."
+            )
             return RejectedLine("too many people", reason, view)
         return self._detections(message, view)
 
@@ -168,7 +170,7 @@ def lines_of(detections: Detections, cameras: Sequence[str] | None = None) -> It
         DetectionsError: If the recording has no times.
     """
     if not (np.asarray(detections.recorded) & np.isfinite(detections.time_s)).any():
-        raise DetectionsError("The keypoint files do not state the frame rate. Add it, such as --rate-hz 60.")
+        raise DetectionsError("The keypoint files do not specify the frame rate. Add it, such as --rate-hz 60.")
     for chunk in detections.chunks():
         sent = np.asarray(chunk.recorded) & np.isfinite(chunk.time_s)
         for f, v in np.argwhere(sent).tolist():

@@ -39,8 +39,8 @@ def left_direction(sequence: PairSequence, options: SideOptions) -> np.ndarray:
     left = np.cross(up, facing_vector(options.facing))
     if np.linalg.norm(left) < 1e-6:
         raise OptionsError(
-            f"side_search.facing is {options.facing!r}, which is vertical: the up axis is {sequence.rig.up_axis}. Set "
-            "a horizontal direction."
+            f"side_search.facing is {options.facing!r}, which is vertical because the up axis is "
+            f"{sequence.rig.up_axis}. Set a horizontal direction."
         )
     return left / np.linalg.norm(left)
 

@@ -65,7 +65,9 @@ def parse_address(text: str) -> Address:
     if text.startswith("unix:"):
         path = text.removeprefix("unix:").removeprefix("//")
         if not path:
-            raise OptionsError("--input unix: the path of the socket is missing, such as unix:/tmp/posefuse.sock.")
+            raise OptionsError(
+                "--input unix: the path of the socket is missing; expected an address such as unix:/tmp/posefuse.sock."
+            )
         return Address("unix", name=path)
     kinds: dict[str, Kind] = {"tcp": "tcp", "zmq+pull": "zmq+pull", "zmq+sub": "zmq+sub", "nats": "nats"}
     kind = text.partition("://")[0]
@@ -84,15 +86,15 @@ def _network(kind: Kind, text: str) -> Address:
     except ValueError as error:
         raise OptionsError(f"--input {text}: {error}.") from None
     if parts.username is not None or parts.query or parts.fragment:
-        raise OptionsError(f"--input {text}: an address has a host, a port and optionally a name.")
+        raise OptionsError(f"--input {text}: an address must have a host, a port and optionally a name.")
     name = unquote(parts.path.removeprefix("/"))
     if kind == "nats":
         if not name or any(character.isspace() for character in name):
-            raise OptionsError(f"--input {text}: the subject is missing: nats://host:4222/subject.")
+            raise OptionsError(f"--input {text}: the subject is missing; expected nats://host:4222/subject.")
         port = port or 4222
     if port is None:
         meant = f"{kind}://{LOOPBACK}:{host}" if host and host.isdigit() else f"{kind}://{host or LOOPBACK}:5570"
-        raise OptionsError(f"--input {text}: the port is missing, as in {meant}.")
+        raise OptionsError(f"--input {text}: the port is missing; expected {meant}.")
     if kind in ("tcp", "zmq+pull") and name:
         raise OptionsError(f"--input {text}: {kind} takes no name after the port, got {name!r}.")
     return Address(kind, host or LOOPBACK, port, name)

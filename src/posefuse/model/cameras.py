@@ -335,7 +335,7 @@ def _numbers(camera: str, field: str, values: Any) -> np.ndarray:
 def _lens_model(camera: str, lens: Any) -> LensModel:
     if lens not in set(LensModel):
         known = [str(model) for model in LensModel]
-        raise CameraError(f"Camera {camera!r}: no lens model {lens!r}. {suggestion(str(lens), known)}")
+        raise CameraError(f"Camera {camera!r}: unknown lens model {lens!r}. {suggestion(str(lens), known)}")
     return LensModel(lens)
 
 

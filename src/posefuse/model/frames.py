@@ -129,8 +129,9 @@ class Frame:
         confidence = [np.empty((0, 0)) if each is None else each for each in confidence]
         if len(confidence) != len(counts) or (track_ids is not None and len(track_ids) != len(counts)):
             raise DetectionsError(
-                f"Frame {number}: keypoints of {len(counts)} views, but confidences of {len(confidence)}"
-                + ("" if track_ids is None else f" and track IDs of {len(track_ids)}")
+                f"Frame {number}: expected the same number of views, got keypoints of {len(counts)}, confidences of "
+                f"{len(confidence)}"
+                + ("" if track_ids is None else f", track IDs of {len(track_ids)}")
                 + ". Pass one array per view, empty if it shows no person."
             )
         shapes = [np.shape(people) for people in keypoints_px]

@@ -178,7 +178,7 @@ class Reconstruction:
             raise ResultError(f"A reconstruction needs at least one layer: {choices(LAYERS)}.")
         for name, layer in self.layers.items():
             if name not in LAYERS:
-                raise ResultError(f"No layer {name!r}; there are {choices(LAYERS)}.")
+                raise ResultError(f"Unknown layer {name!r}; the layers are {choices(LAYERS)}.")
             expected = (n_frames, n_people, len(self.skeleton), 3)
             if tuple(layer.points_m.shape) != expected:
                 raise ResultError(f"Layer {name!r}: expected points of shape {expected}, got {layer.points_m.shape}.")
@@ -187,7 +187,9 @@ class Reconstruction:
                     f"Layer {name!r} has {layer.view_status.shape[-1]} views, but the rig has {len(self.rig)} cameras."
                 )
         if self.tracks is not None and self.tracks.person_ids != self.person_ids:
-            raise ResultError(f"Tracks are of {self.tracks.person_ids}, but the result is of {self.person_ids}.")
+            raise ResultError(
+                f"The tracks have the people {self.tracks.person_ids}, but the result has {self.person_ids}."
+            )
 
     @property
     def n_frames(self) -> int:

@@ -71,7 +71,7 @@ def cut_time(detections: Detections, options: Options) -> Detections:
     known = detections.recorded & np.isfinite(detections.time_s)
     times = np.where(known, detections.time_s, np.inf).min(axis=1)
     if not np.isfinite(times).all():
-        raise DetectionsError("start_s and end_s need times, and the files give no frame rate. Add --rate-hz.")
+        raise DetectionsError("start_s and end_s need times, but the files contain no frame rate. Add --rate-hz.")
     start = 0 if options.start_s is None else int(np.searchsorted(times, options.start_s - 1e-9))
     stop = len(times) if options.end_s is None else int(np.searchsorted(times, options.end_s - 1e-9))
     if start >= stop:
@@ -168,10 +168,10 @@ def resolve_solve(options: Options, facts: RecordingFacts, n_cameras: int) -> Op
         OptionsError: if a solve over time is requested and there is one camera.
     """
     if options.solve == "trajectory" and n_cameras == 1:
-        raise OptionsError("solve = 'trajectory' needs two cameras or more; this rig has one. Leave it out.")
+        raise OptionsError("solve = 'trajectory' needs two cameras or more; this rig has one. Remove this option.")
     if options.solve == "trajectory" and not facts.timed:
         raise DetectionsError(
-            "solve = 'trajectory' needs times, and the files give no frame rate. Add --rate-hz, or in Python: "
+            "solve = 'trajectory' needs times, but the files contain no frame rate. Add --rate-hz, or in Python: "
             "detections.with_rate(60)."
         )
     if options.solve != "auto":

@@ -60,7 +60,7 @@ def inspect_health(
         opened = open_recording(Path(rig), inputs, options, progress)
         rig, detections = opened.rig, opened.detections
     elif detections is None:
-        raise DetectionsError("inspect_health needs detections beside the rig, or the folder of a recording.")
+        raise DetectionsError("inspect_health needs detections in addition to the rig, or the folder of a recording.")
     return recording_check.find_faults(*_with_subjects(rig, detections, options, progress), DEEP)
 
 
@@ -95,11 +95,11 @@ def measure_sync(
     examination, timings = recording_check.measure_timing(*subjects, effort, reference)
     if timings is None:
         raise DetectionsError(
-            "The views agree too little to measure their time offsets. posefuse inspect RECORDING --deep shows what is "
-            "wrong with them."
+            "The views do not agree well enough to measure their time offsets. Find the cause with posefuse inspect "
+            "RECORDING --deep."
         )
     if not examination.observations.rate_known:
-        raise DetectionsError("sync needs times, and the files give no frame rate. Add --rate-hz.")
+        raise DetectionsError("sync needs times, but the files contain no frame rate. Add --rate-hz.")
     return timings, recording_check.sync_options(timings)
 
 

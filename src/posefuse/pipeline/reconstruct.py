@@ -279,7 +279,10 @@ def with_alignment(plan: Plan, scale: float | None) -> Plan:
     if not (align.turns or align.scales):
         return plan
     if len(plan.rig) == 1:
-        raise OptionsError("align: one camera gives coordinates in its image plane, which cannot be aligned.")
+        raise OptionsError(
+            "align: with one camera, coordinates are in its image plane and cannot be aligned. Remove the align "
+            "options."
+        )
     alignment = identity_alignment(plan.rig.up_axis)
     if align.turns:
         alignment = find_alignment(sample_points(plan), plan.detections.skeleton, plan.rig, align)

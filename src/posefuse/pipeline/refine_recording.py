@@ -56,7 +56,9 @@ def refine_recording(
     options, refining, progress = options or Options(), refining or RefineOptions(), progress or Silent()
     calibration, rig, detections = _read(recording, inputs or RecordingInputs(), source, options, progress)
     if output.exists() and output.resolve() == calibration.resolve():
-        raise FileError(f"--output {output} is the calibration to refine, which is kept. Choose another file.")
+        raise FileError(
+            f"--output {output} is the calibration to refine, which is never overwritten. Choose another file."
+        )
     check_name(output, calibration)
     if source == "board":
         options, refining = replace(options, people="one"), replace(refining, rigid=True)

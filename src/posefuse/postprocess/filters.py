@@ -142,7 +142,7 @@ def _savgol(options: SavgolOptions, clock: Clock) -> Smoother:
         raise OptionsError(
             f"postprocess.savgol.window_s ({options.window_s:g} s) contains {size} frames at "
             f"{1.0 / clock.period_s:.4g} Hz; a polynomial of degree {options.degree} needs more than {options.degree}. "
-            "Increase it."
+            "Increase window_s."
         )
 
     def smoother(xyz_m: np.ndarray) -> np.ndarray:

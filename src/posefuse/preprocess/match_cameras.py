@@ -36,7 +36,7 @@ def match_views(
     for name in (*options.cameras, *options.exclude_camera):
         rig.index(name)
         if name not in names:
-            raise MatchError(f"Camera {name!r} is calibrated but has no view; the views are of {choices(names)}.")
+            raise MatchError(f"Camera {name!r} is calibrated but has no view; the views belong to {choices(names)}.")
     if not wanted:
         raise MatchError(f"No camera is left: exclude_camera names all of {choices(names)}.")
     notes = [*left_out]

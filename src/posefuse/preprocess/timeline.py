@@ -53,7 +53,7 @@ def align_views(detections: Detections, reference: str | None = None) -> Detecti
     """
     if reference is not None and reference not in detections.view_names:
         raise DetectionsError(
-            f"No view {reference!r} to use as reference. {suggestion(reference, detections.view_names)}"
+            f"The reference {reference!r} is not a view. {suggestion(reference, detections.view_names)}"
         )
     known = detections.recorded & np.isfinite(detections.time_s)
     if detections.n_views == 1 or not known.any():
@@ -67,7 +67,7 @@ def align_views(detections: Detections, reference: str | None = None) -> Detecti
         raise DetectionsError(
             "No two views recorded a frame at the same time: "
             + ", ".join(_span(detections, known, v) for v in range(detections.n_views))
-            + ". Times must be of the same clock."
+            + ". All times must come from the same clock."
         )
     return _aligned(detections, timeline, known)
 
@@ -78,7 +78,7 @@ def _check_times(detections: Detections, known: np.ndarray) -> None:
         if lacking:
             raise DetectionsError(
                 f"View {name!r} has no time for {lacking} of its {int(detections.recorded[:, v].sum())} frames, while "
-                "others have times. Specify the times of all, or of none."
+                "others have times. Specify times for all views, or for none."
             )
         times = detections.time_s[known[:, v], v]
         backward = np.flatnonzero(np.diff(times) < 0)

@@ -63,7 +63,7 @@ def parse_parts(
     """
     names = body.get("parts", []) if isinstance(body, Mapping) else []
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise SkeletonError(f"Skeleton {skeleton!r}: tree.parts must be a list of names of parts, got {names!r}.")
+        raise SkeletonError(f"Skeleton {skeleton!r}: tree.parts must be a list of part names, got {names!r}.")
     if tree is None:
         return ()
     found = []

@@ -91,7 +91,7 @@ class Skeleton(PickledByFields):
         joined = {frozenset(edge) for edge in self.edges}
         for a, b in self.rigid:
             if frozenset((a, b)) not in joined:
-                raise SkeletonError(f"Skeleton {self.name!r}: rigid contains {a!r} and {b!r}, which are not an edge.")
+                raise SkeletonError(f"Skeleton {self.name!r}: rigid contains {a!r} and {b!r}, which no edge connects.")
         self._check_names("core", self.core)
         if len(set(self.core)) != len(self.core):
             raise SkeletonError(f"Skeleton {self.name!r}: core repeats a keypoint: {choices(self.core)}.")
@@ -232,7 +232,7 @@ def shipped_skeleton(name: str) -> Skeleton:
             text = files("posefuse.skeleton").joinpath("skeletons", f"{candidate}.toml").read_text("utf-8")
             return parse_skeleton(text, f"{candidate}.toml")
     raise SkeletonError(
-        f"No skeleton {name!r}. {suggestion(name, shipped_skeletons())} Or specify the path of a TOML file."
+        f"Unknown skeleton {name!r}. {suggestion(name, shipped_skeletons())} Or specify the path of a TOML file."
     )
 
 
@@ -248,7 +248,9 @@ def find_skeleton(name: str | Path | Skeleton) -> Skeleton:
     if path.suffix != ".toml":
         return shipped_skeleton(str(name))
     if not path.is_file():
-        raise SkeletonError(f"No skeleton file {path}. The shipped ones: {choices(shipped_skeletons(), 20)}.")
+        raise SkeletonError(
+            f"There is no skeleton file {path}. The shipped skeletons are {choices(shipped_skeletons(), 20)}."
+        )
     return parse_skeleton(path.read_text("utf-8"), path.name)
 
 
@@ -279,7 +281,9 @@ def parse_skeleton(text: str, source: str) -> Skeleton:
     for limb, left_names in data.get("chains", {}).items():
         for left in left_names:
             if left not in partner:
-                raise SkeletonError(f"{source}: chain {limb!r} contains {left!r}, not the left name of a pair.")
+                raise SkeletonError(
+                    f"{source}: chain {limb!r} contains {left!r}, which is not the left name of a pair."
+                )
         chains[limb] = tuple((left, partner[left]) for left in left_names)
     return Skeleton(
         name=data["name"],
@@ -335,7 +339,7 @@ def _tree_of_edges(size_m: object, skeleton: Skeleton) -> Tree:
         raise SkeletonError(f"Skeleton {skeleton.name!r}: tree.size_m must be a positive number, got {size_m!r}.")
     if not skeleton.edges:
         raise SkeletonError(
-            f"Skeleton {skeleton.name!r} has a tree with size_m only, and no edges that could be its bones: add edges."
+            f"Skeleton {skeleton.name!r} has a tree with size_m only, but no edges to use as bones. Add edges."
         )
     return tree_of_size(skeleton.keypoints, skeleton.edge_indices, float(size_m), skeleton.mirror)
 

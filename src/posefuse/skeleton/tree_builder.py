@@ -141,12 +141,16 @@ class TreeBuilder:
 
     def _bone(self, end: str) -> int:
         if end not in self.bones:
-            raise SkeletonError(f"Skeleton {self.skeleton!r}: no bone ends at {end!r}. {suggestion(end, self.bones)}")
+            raise SkeletonError(
+                f"Skeleton {self.skeleton!r}: there is no bone that ends at {end!r}. {suggestion(end, self.bones)}"
+            )
         return self.bones.index(end)
 
     def _segment(self, name: str) -> int:
         if name not in self.segments:
-            raise SkeletonError(f"Skeleton {self.skeleton!r}: no segment {name!r}. {suggestion(name, self.segments)}")
+            raise SkeletonError(
+                f"Skeleton {self.skeleton!r}: unknown segment {name!r}. {suggestion(name, self.segments)}"
+            )
         return self.segments.index(name)
 
     def finish(

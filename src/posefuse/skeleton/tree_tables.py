@@ -100,7 +100,7 @@ def _check_names_and_numbers(table: Mapping[str, Any], where: str) -> None:
     known = (*_TABLES, *_NUMBERS, "parts")
     for key in table:
         if key not in known:
-            raise SkeletonError(f"{where} has no table {key!r}. {suggestion(key, known)}")
+            raise SkeletonError(f"{where}: unknown table {key!r}. {suggestion(key, known)}")
     for key in _NUMBERS:
         value = table.get(key, 1.0)
         if not _is_number(value) or not value > 0.0:
@@ -134,7 +134,7 @@ def _check_row(
         kind = "a segment" if table == "twists" else "the end of a bone"
         raise SkeletonError(f"{where}.{table} contains {name!r}, which is not {kind}. {suggestion(name, known)}")
     if table != "bones" and row[0] not in (segments if table != "points" else beside):
-        raise SkeletonError(f"{where}.{table}.{name}: no segment {row[0]!r}. {suggestion(row[0], segments)}")
+        raise SkeletonError(f"{where}.{table}.{name}: unknown segment {row[0]!r}. {suggestion(row[0], segments)}")
 
 
 def _is_number(value: object) -> bool:
@@ -196,5 +196,5 @@ def shared_body(name: str) -> Mapping[str, Any]:
     folder = files("posefuse.skeleton").joinpath("bodies")
     known = sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
     if name not in known:
-        raise SkeletonError(f"No shared body {name!r}. {suggestion(name, known)}")
+        raise SkeletonError(f"Unknown shared body {name!r}. {suggestion(name, known)}")
     return tomllib.loads(folder.joinpath(f"{name}.toml").read_text("utf-8"))

@@ -184,7 +184,7 @@ def _keypoints(walk: Walk, stature_m: float, skeleton: Skeleton, time_s: np.ndar
     if not figure.has(skeleton):
         lacking = ", ".join(sorted(set(skeleton.keypoints) - set(figure.names))[:5])
         raise SkeletonError(
-            f"Skeleton {skeleton.name!r} is not human: the human figure has no {lacking}. Choose another one."
+            f"Skeleton {skeleton.name!r} is not human: the human figure has no {lacking}. Choose another skeleton."
         )
     return walk.positions(figure, time_s)[:, figure.columns(skeleton)]
 

@@ -25,7 +25,7 @@ def test_equal_names_are_refused(tmp_path):
         jobs_of([Path("/")], tmp_path / "out", None, Options())
     with pytest.raises(OptionsError, match="No recording"):
         jobs_of([], tmp_path / "out", None, Options())
-    with pytest.raises(OptionsError, match="All folders are the output"):
+    with pytest.raises(OptionsError, match="each is the output"):
         jobs_of([tmp_path / "out"], tmp_path / "out", None, Options())
     with pytest.raises(OptionsError, match=r"would be named batch\.csv"):
         jobs_of([tmp_path / "batch.csv"], tmp_path / "out", None, Options())

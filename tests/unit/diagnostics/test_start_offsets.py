@@ -89,7 +89,7 @@ def test_view_without_detections_has_no_clock():
     views, sync = measure_sync(*without_detections(scene, 3).watch())
     assert [view.camera for view in views] == ["cam_0", "cam_1", "cam_2", "cam_4"]
     assert sync.does_nothing
-    with pytest.raises(DetectionsError, match="agree too little"):
+    with pytest.raises(DetectionsError, match="do not agree well enough"):
         measure_sync(*without_detections(scene, 3).watch(), reference="cam_3")
 
 

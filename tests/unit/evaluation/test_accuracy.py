@@ -117,7 +117,7 @@ def test_trajectories_by_order_or_time(truth):
         truth_from_trajectories(truth, ("point_2",), np.arange(4) / 30 + 50, points[:4, [2]])
     with pytest.raises(ResultError, match="at least two increasing times"):
         truth_from_trajectories(truth, ("point_2",), np.zeros(1), points[:1, [2]])
-    with pytest.raises(ResultError, match="10 frames without times and the truth 4"):
+    with pytest.raises(ResultError, match="10 frames without times and the truth has 4"):
         truth_from_trajectories(
             replace(truth, time_s=np.full(10, np.nan)), ("point_2",), np.arange(4) / 30, points[:4, [2]]
         )

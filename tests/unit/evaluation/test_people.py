@@ -197,7 +197,7 @@ def test_arrays_of_other_shapes_are_refused(rng):
         PeoplePoints(COCO, truth, truth[:4])
     with pytest.raises(ResultError, match="increasing times"):
         PeoplePoints(COCO, truth, truth, np.zeros(5))
-    with pytest.raises(ResultError, match="3 names for 2 people"):
+    with pytest.raises(ResultError, match="one name for each of 2 people, got 3"):
         PeoplePoints(COCO, truth, truth, person_ids=("a", "b", "c"))
     with pytest.raises(ResultError, match="covariance_m2: expected"):
         PeoplePoints(COCO, truth, truth, None, np.zeros((5, 2, 17, 6)))

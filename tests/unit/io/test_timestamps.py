@@ -109,10 +109,10 @@ def test_times_are_matched_to_views_by_name(tmp_path):
     timestamps = with_timestamps(two_views(), read_timestamps(table(tmp_path / "times.csv", rows=rows)))
     np.testing.assert_array_equal(timestamps.time_s, [[f, 10 + f] for f in range(4)])
     assert timestamps.notes[-1] == "Times are read from times.csv, which has more views: ANOTHER."
-    with pytest.raises(MatchError, match=f"no times of {names[1]}; it has those of {names[0].upper()}"):
+    with pytest.raises(MatchError, match=f"no times for {names[1]}, only for {names[0].upper()}"):
         with_timestamps(two_views(), read_timestamps(table(tmp_path / "times.csv", rows=rows[:4])))
     short = [row for row in rows if row[1] != 2]
-    with pytest.raises(DetectionsError, match="no time for 1 of 4 frames, the first of them 2"):
+    with pytest.raises(DetectionsError, match="times are missing for 1 of 4 frames, the first of which is 2"):
         with_timestamps(two_views(), read_timestamps(table(tmp_path / "times.csv", rows=short)))
     unnumbered = [(name, t) for name, _, t in short]
     with pytest.raises(DetectionsError, match="expected a time for each of 4 frames, got 3"):
@@ -127,7 +127,7 @@ def test_views_can_have_their_own_rates():
     assert actual.recorded.sum(axis=0).tolist() == [12, 6]
     with pytest.raises(DetectionsError, match=f"sets no rate for {first}"):
         with_common_frames(timeless, Request(view_rates_hz={second: 60.0}))
-    with pytest.raises(MatchError, match=r"view_rates_hz: no view 'cam_9'"):
+    with pytest.raises(MatchError, match=r"view_rates_hz: unknown view 'cam_9'"):
         with_common_frames(timeless, Request(rate_hz=30.0, view_rates_hz={"cam_9": 60.0}))
 
 

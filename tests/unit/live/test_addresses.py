@@ -34,7 +34,7 @@ def test_addresses(text, shown, is_open):
         ("tpc://x:1", "Did you mean 'tcp'?"),
         ("udp://:1", "unix:/tmp/posefuse.sock"),
         ("tcp://x", "the port is missing"),
-        ("tcp://5570", "as in tcp://127.0.0.1:5570"),
+        ("tcp://5570", "expected tcp://127.0.0.1:5570"),
         ("tcp://x:99999", "Port out of range"),
         ("tcp://x:1/y", "takes no name"),
         ("nats://x", "the subject is missing"),

@@ -46,7 +46,7 @@ def pose_with(rotation) -> np.ndarray:
         ({"size_px": 3}, ["width and height"]),
         ({"lens": LensModel.FISHEYE, "distortion": (0.1,)}, ["fisheye lens has 4", "got 1"]),
         ({"lens": LensModel.BROWN, "distortion": (0.1, np.inf, 0, 0, 0)}, ["must be finite"]),
-        ({"lens": "fishy"}, ["no lens model 'fishy'", "fisheye"]),
+        ({"lens": "fishy"}, ["unknown lens model 'fishy'", "fisheye"]),
         ({"camera_from_world": LensModel.BROWN}, ["camera_from_world must be an array of numbers"]),
         ({"matrix": "K"}, ["matrix must be an array of numbers"]),
     ],

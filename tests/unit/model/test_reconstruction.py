@@ -49,13 +49,13 @@ def test_inconsistent_arrays_are_refused(result):
     layer = result.layers["measured"]
     with pytest.raises(ResultError, match=r"covariance_m2: expected the axes \(frame, person, keypoint, entry\)"):
         replace(layer, covariance_m2=np.zeros((7, 1, 17, 9)))
-    with pytest.raises(ResultError, match="No layer 'raw'; there are measured, solved, model"):
+    with pytest.raises(ResultError, match="Unknown layer 'raw'; the layers are measured, solved, model"):
         replace(result, layers={"raw": layer})
     with pytest.raises(ResultError, match="needs at least one layer"):
         replace(result, layers={})
     with pytest.raises(ResultError, match="has 3 views, but the rig has 2 cameras"):
         replace(result, rig=ring(2))
-    with pytest.raises(ResultError, match="Tracks are of"):
+    with pytest.raises(ResultError, match="The tracks have the people"):
         replace(result, person_ids=("someone",))
     with pytest.raises(ResultError, match="must be unique"):
         Tracks(("a", "a"), np.zeros((1, 2, 1)), np.zeros((1, 2)))

@@ -116,7 +116,7 @@ def test_offset_points_add_no_lengths():
     tree = parse_tree(table, ["lid", "tail"], {}, "thing")
     assert tree.shape_names == ("eye.forward", "eye.left", "eye.up", "tail.forward")
     np.testing.assert_allclose(standing(tree)[tree.node("lid")], [0.1, 0.03, 0.32])
-    with pytest.raises(SkeletonError, match="no segment 'ear'"):
+    with pytest.raises(SkeletonError, match="unknown segment 'ear'"):
         parse_tree({**table, "points": {"lid": ["ear", 0.0, 0.0, 0.1]}}, ["lid"], {}, "thing")
 
 
@@ -135,9 +135,9 @@ def test_parts_round_trip():
 
 
 def test_missing_part_is_named():
-    with pytest.raises(SkeletonError, match=r"No shared body 'wing'.*hand"):
+    with pytest.raises(SkeletonError, match=r"Unknown shared body 'wing'.*hand"):
         parse_parts({"parts": ["wing"]}, WHOLE.tree, WHOLE.keypoints, {}, "thing")
-    with pytest.raises(SkeletonError, match="tree.parts must be a list of names"):
+    with pytest.raises(SkeletonError, match="tree.parts must be a list of part names"):
         parse_parts({"parts": "hand"}, WHOLE.tree, WHOLE.keypoints, {}, "thing")
     beside = 'name = "a"\nkeypoints = ["b", "c"]\n[tree]\nparts = ["hand"]\n[tree.segments]\nt = {}\n'
     assert parse_skeleton(beside + '[tree.points]\nb = ["t", 0.1, 0.0, 0.0]\n', "a.toml").parts == ()

@@ -16,7 +16,7 @@ PARTNER = {"left_hip": "right_hip", "left_knee": "right_knee", "left_ankle": "ri
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"segmants": {}}, "tree has no table 'segmants'. Did you mean 'segments'?"),
+        ({"segmants": {}}, "tree: unknown table 'segmants'. Did you mean 'segments'?"),
         ({"spread": -0.1}, "tree.spread must be a positive number, got -0.1"),
         ({"size_m": "large"}, "tree.size_m must be a positive number, got 'large'"),
         ({"segments": {}}, "tree has no segments; at least one is needed, and the first is the root"),
@@ -27,15 +27,15 @@ PARTNER = {"left_hip": "right_hip", "left_knee": "right_knee", "left_ankle": "ri
         ),
         ({"segments": {"pelvis": {}, "left_foot": {"at": "left_ankle"}}}, "but no 'right_foot'; define both"),
         ({"points": {"nose": ["head", 0.1, 0.0]}}, "tree.points.nose must be [segment or point, forward, left, up]"),
-        ({"points": {"nose": ["haed", 0.1, 0.0, 0.1]}}, "no segment 'haed'. Did you mean 'head'?"),
+        ({"points": {"nose": ["haed", 0.1, 0.0, 0.1]}}, "unknown segment 'haed'. Did you mean 'head'?"),
         ({"bones": {"left_knee": ["left_hip", -0.4]}}, "tree.bones.left_knee must be [point, length] or"),
         ({"bones": {"left_knee": ["left_hip", 0.4, [0, 0, 0]]}}, "tree.bones.left_knee must be"),
         ({"hinges": {"left_ankle": ["pelvis", [0, 1]]}}, "left_ankle must be [segment, [forward, left, up]]"),
         ({"hinges": {"left_ankel": ["pelvis", [0, 1, 0]]}}, "not the end of a bone. Did you mean 'left_ankle'?"),
-        ({"hinges": {"left_knee": ["pelvis", [0, 1, 0]]}}, "no bone ends at 'left_hip'"),
+        ({"hinges": {"left_knee": ["pelvis", [0, 1, 0]]}}, "no bone that ends at 'left_hip'"),
         ({"cones": {"left_knee": ["pelvis", [0, 1, 0]]}}, "left_knee must be [segment, [forward, left, up], degrees]"),
         ({"twists": {"hat": ["pelvis", [0, 1, 0], 9]}}, "tree.twists contains 'hat', which is not a segment"),
-        ({"twists": {"head": ["palvis", [0, 1, 0], 9]}}, "no segment 'palvis'. Did you mean 'pelvis'?"),
+        ({"twists": {"head": ["palvis", [0, 1, 0], 9]}}, "unknown segment 'palvis'. Did you mean 'pelvis'?"),
         ({"bones": {"nose": ["neck", 0.1]}}, "'nose' is defined twice"),
         ({"bones": {"left_knee": ["left_hop", 0.4]}}, "points left_knee of the tree have unknown parents"),
     ],
@@ -53,7 +53,7 @@ def test_errors_name_the_fault_and_valid_names(changes, message):
 
 
 def test_referenced_body_must_exist():
-    with pytest.raises(SkeletonError, match=r"No shared body 'humna'. Did you mean 'human'"):
+    with pytest.raises(SkeletonError, match=r"Unknown shared body 'humna'. Did you mean 'human'"):
         shared_body("humna")
     with pytest.raises(SkeletonError, match="tree must be a table or the name of a shared body, got 3"):
         parse_skeleton('name = "thing"\nkeypoints = ["a"]\ntree = 3', "thing.toml")

@@ -40,7 +40,7 @@ def test_tree_from_edges_with_known_size():
     assert tree is not None
     assert (tree.size_m, tree.nodes[0].name, tree.n_pose) == (0.02, "middle", 7)
     assert parse_skeleton(text, "worm.toml").tree is None
-    with pytest.raises(SkeletonError, match="no edges that could be its bones"):
+    with pytest.raises(SkeletonError, match="no edges to use as bones"):
         parse_skeleton('name = "dots"\nkeypoints = ["a", "b"]\n[tree]\nsize_m = 1.0', "dots.toml")
     with pytest.raises(SkeletonError, match="tree.size_m must be a positive number, got 0"):
         parse_skeleton(f"{text}[tree]\nsize_m = 0", "worm.toml")

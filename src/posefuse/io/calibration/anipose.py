@@ -56,7 +56,7 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
     chosen = unit or stated_unit
     if chosen is None:
         chosen = guess_unit((table.get("rotation"), table.get("translation")) for table in tables.values())
-        notes = (f"{path.name} does not state its unit of length; assumed {chosen}. Set it with --length-unit.",)
+        notes = (f"{path.name} does not specify its unit of length; assumed {chosen}. Set it with --length-unit.",)
     cameras = tuple(camera_from_table(path, key, table, METERS_PER_UNIT[chosen]) for key, table in tables.items())
     notes = (*texts(path, metadata, "notes"), *notes)
     left_out = texts(path, metadata, "left_out")

@@ -77,13 +77,13 @@ def build_rig(
         chosen = guess_unit((row.rotation, row.translation) for row in rows)
         notes = (
             *notes,
-            f"{path.name} does not state its unit of length; assumed {chosen}. Set it with --length-unit.",
+            f"{path.name} does not specify its unit of length; assumed {chosen}. Set it with --length-unit.",
         )
     sizeless = [camera.name for camera in records if camera.size_px is None]
     if sizeless:
         notes = (
             *notes,
-            f"{path.name} does not state the image size of {choices(sizeless)}; assumed twice the principal point.",
+            f"{path.name} does not specify the image size of {choices(sizeless)}; assumed twice the principal point.",
         )
     scale = METERS_PER_UNIT[chosen]
     cameras = tuple(_camera(path, camera, row, scale) for camera, row in zip(records, rows, strict=True))

@@ -46,7 +46,9 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
     parameters = _parameters(read_json(path))
     lenses, poses = dict_list(parameters, "intrinsics"), parameters.get("extrinsics")
     if not isinstance(poses, list) or len(poses) != len(lenses):
-        raise FileError(f"{path}: {len(lenses)} cameras have intrinsics; extrinsics must have as many poses.")
+        raise FileError(
+            f"{path}: {len(lenses)} cameras have intrinsics; extrinsics must contain one pose for each of them."
+        )
     records = [_camera(path, f"camera_{v}", *each) for v, each in enumerate(zip(lenses, poses, strict=True), start=1)]
     return build_rig(path, records, unit, "mm", notes=("The images are rectified; the stored distortion is not used.",))
 

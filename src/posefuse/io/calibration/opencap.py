@@ -108,7 +108,7 @@ def _camera(file: Path) -> CameraRecord:
     data = _load(file)
     missing = [key for key in _NEEDED if key not in data]
     if missing:
-        raise FileError(f"{file}: no {missing[0]}; it must have {', '.join(_NEEDED)}.")
+        raise FileError(f"{file} has no {missing[0]}; it must have {', '.join(_NEEDED)}.")
     size = as_numbers(data["imageSize"], f"{file}: imageSize")
     if size.size != 2:
         raise FileError(f"{file}: imageSize must contain height and width, got {size.size} numbers.")

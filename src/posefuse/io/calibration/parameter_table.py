@@ -77,7 +77,7 @@ def _camera(path: Path, index: int, row: dict[str, Any]) -> CameraRecord:
     if matrix is None:
         missing = [key for key in ("fx", "fy", "cx", "cy") if row.get(key) is None]
         if missing:
-            raise FileError(f"{path}, row {index}: no K and no {choices(missing)}.")
+            raise FileError(f"{path}, row {index} has no K and no {choices(missing)}.")
         matrix = [[row["fx"], 0.0, row["cx"]], [0.0, row["fy"], row["cy"]], [0.0, 0.0, 1.0]]
     size = (row["width"], row["height"]) if row.get("width") and row.get("height") else None
     distortion = first("distortion")

@@ -76,7 +76,9 @@ def _four_coefficients(camera: Camera) -> list[float]:
     """
     coefficients = [*camera.distortion, *[0.0] * (4 - len(camera.distortion))]
     if camera.lens not in (LensModel.PINHOLE, LensModel.BROWN) or any(coefficients[4:]):
-        raise FileError(f"the Pose2Sim format has only k1 k2 p1 p2, and camera {camera.name!r} has others")
+        raise FileError(
+            f"the Pose2Sim format has only k1 k2 p1 p2, but camera {camera.name!r} has other distortion coefficients"
+        )
     return coefficients[:4]
 
 

@@ -158,7 +158,9 @@ def _check_xml_text(text: str) -> str:
 
 def _add_camera(cameras: ElementTree.Element, camera: Camera) -> None:
     if camera.lens not in (LensModel.PINHOLE, LensModel.BROWN):
-        raise FileError(f"the Qualisys format has only k1 k2 p1 p2 k3, and camera {camera.name!r} has others")
+        raise FileError(
+            f"the Qualisys format has only k1 k2 p1 p2 k3, but camera {camera.name!r} has other distortion coefficients"
+        )
     k1, k2, p1, p2, k3 = camera.distortion or (0.0,) * 5
     width, height = camera.size_px
     about = {

@@ -42,7 +42,7 @@ def camera_from_table(path: Path, key: str, table: Mapping[str, Any], meters_per
     """
     missing = [name for name in _NEEDED if name not in table]
     if missing:
-        raise FileError(f"{path}, table [{key}]: no {choices(missing)}; it has {choices(table)}.")
+        raise FileError(f"{path}, table [{key}] has no {choices(missing)}; it has {choices(table)}.")
     name = str(table.get("name", key))
     if not isinstance(table.get("fisheye", False), bool):
         raise FileError(f"{path}, table [{key}]: fisheye must be true or false, got {table['fisheye']!r}.")

@@ -42,7 +42,7 @@ def _camera(path: Path, element: ElementTree.Element) -> CameraRecord:
     name = element.get("DEVICEID") or element.get("USERID") or ""
     frame = next(element.iter("KeyFrame"), None)
     if frame is None:
-        raise FileError(f"{path}, camera {name!r}: no KeyFrame; the camera was not calibrated.")
+        raise FileError(f"{path}, camera {name!r} has no KeyFrame: the camera was not calibrated.")
 
     def numbers(node: ElementTree.Element, attribute: str, count: int) -> np.ndarray:
         values = as_numbers((node.get(attribute) or "").split(), f"{path}, camera {name!r}: {attribute}")

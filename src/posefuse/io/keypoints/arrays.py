@@ -120,7 +120,7 @@ def _third_channel(path: Path, keypoints: np.ndarray, meaning: ThirdChannel | No
         return {}
     if meaning is None:
         raise DetectionsError(
-            f"{path} has three numbers per keypoint and does not state what the third is. Add --third-channel "
+            f"{path} has three numbers per keypoint but does not specify what the third one is. Add --third-channel "
             "confidence or --third-channel depth (depth for MediaPipe and FreeMoCap)."
         )
     return {meaning: keypoints[..., 2]}

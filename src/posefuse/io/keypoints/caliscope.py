@@ -61,7 +61,7 @@ def read(path: Path, request: Request) -> Detections:
     """
     files = files_of(path)
     if not files:
-        raise FileError(f"{path} is not a file of Caliscope points: expected the first line {','.join(_COLUMNS)}.")
+        raise FileError(f"{path} is not a Caliscope point file: expected the first line {','.join(_COLUMNS)}.")
     if len(files) > 1:
         raise FileError(f"{path} contains several recordings: {choices([file.name for file in files])}. Choose one.")
     (file,) = files

@@ -118,7 +118,9 @@ def read(path: Path, request: Request) -> Detections:
         table = _read_h5(file) if file.suffix == ".h5" else _read_csv(file)
         file_parts, individuals = _parts(file, table)
         if parts is not None and file_parts != parts:
-            raise FileError(f"{file} has other body parts than {files[0].name}. All must have the same skeleton.")
+            raise FileError(
+                f"{file} and {files[0].name} have different body parts. All files must have the same skeleton."
+            )
         parts = file_parts
         variances = _variances(table)
         unused |= {kind for *_, kind in table.columns if kind not in (*_COORDINATES, *variances)}
@@ -202,7 +204,9 @@ def _read_csv(file: Path) -> _Table:
     width = len(named[0])
     for line, row in enumerate(rows[1:], start=2):
         if len(row) != width + 1:
-            raise FileError(f"{file}, line {line}: {len(row)} columns, expected {width + 1}. Is the file truncated?")
+            raise FileError(
+                f"{file}, line {line}: expected {width + 1} columns, got {len(row)}. Is the file truncated?"
+            )
     individuals = named[0] if header == len(_MULTI_ANIMAL_HEADER) else [""] * width
     columns = list(zip(individuals, named[-2], named[-1], strict=True))
     try:

@@ -228,7 +228,8 @@ class _PersonRows(LazyArray):
                 values = self._values(column)
                 if len(values) != ends[group + 1] - ends[group]:
                     raise FileError(
-                        f"{file}: {self._column} has {len(values)} people, other columns have another number."
+                        f"{file}: {self._column} has {len(values)} people, but other columns have a different number. "
+                        "Is the file truncated?"
                     )
                 yield int(ends[group]), values
 

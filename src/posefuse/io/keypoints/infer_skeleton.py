@@ -44,8 +44,8 @@ def infer_skeleton(n_keypoints: int, keypoints_px: np.ndarray, source: str) -> t
     (best, best_name), (second, _) = ratios[0], ratios[1]
     if not best < _MAX_RATIO * second:
         raise SkeletonError(
-            f"{source} has {n_keypoints} keypoints, which may be {choices(names)}; the detections do not decide. "
-            f"Choose one, such as --skeleton {names[0]}."
+            f"{source} has {n_keypoints} keypoints, which may be {choices(names)}, and the detections do not determine "
+            f"which. Choose one, such as --skeleton {names[0]}."
         )
     note = (
         f"{n_keypoints} keypoints read as {best_name}, whose bones are shortest, not as "

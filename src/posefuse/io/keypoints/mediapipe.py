@@ -79,7 +79,9 @@ def read(path: Path, request: Request) -> Detections:
              zip(files, view_names(files), cameras, strict=True)]  # fmt: skip
     rates = {each.rate_hz for each in cameras if each.rate_hz}
     if len(rates) > 1:
-        raise FileError(f"{path}: the cameras have different rates ({sorted(rates)} Hz). Choose one with --rate-hz.")
+        raise FileError(
+            f"{path}: the cameras have different frame rates ({sorted(rates)} Hz). Choose one with --rate-hz."
+        )
     rate = request.rate_hz or next(iter(rates), None)
     return assemble(path, views, skeleton, rate)
 
@@ -102,7 +104,9 @@ def _view(file: Path, name: str, landmarks: Landmarks, skeleton: Skeleton, reque
     values = landmarks.values
     if len(values) and values.shape[1] < len(skeleton):
         if values.shape[1] != _BODY:
-            raise FileError(f"{file} has {values.shape[1]} landmarks per person, other cameras have {len(skeleton)}.")
+            raise FileError(
+                f"{file} has {values.shape[1]} landmarks per person, but other cameras have {len(skeleton)}."
+            )
         hands_and_face = np.full((len(values), len(skeleton) - _BODY, 4), np.nan)
         values = np.concatenate([values, hands_and_face], axis=1)
     values = values.reshape(len(values), len(skeleton), 4)
@@ -112,7 +116,7 @@ def _view(file: Path, name: str, landmarks: Landmarks, skeleton: Skeleton, reque
         size = landmarks.size_px or request.image_size_px
         if size is None and len(finite):
             raise FileError(
-                f"{file} has landmarks in fractions of the image size and does not state that size. Add --image-size "
+                f"{file} has landmarks in fractions of the image size but does not specify that size. Add --image-size "
                 'WIDTH HEIGHT, or "width" and "height" to the file.'
             )
         pixels, depth = pixels * np.asarray(size or (1, 1)), depth * (size or (1, 1))[0]

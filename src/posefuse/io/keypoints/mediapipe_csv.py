@@ -82,7 +82,7 @@ def read(file: Path) -> Landmarks:
     for number, row in enumerate(rows, start=2):
         if len(row) != len(header):
             raise FileError(
-                f"{file}, line {number}: {len(row)} columns, expected {len(header)}. Is the file truncated?"
+                f"{file}, line {number}: expected {len(header)} columns, got {len(row)}. Is the file truncated?"
             )
     return _long_rows(file, header, rows) if set(_LONG) <= set(header) else _wide_rows(file, header, rows)
 
@@ -106,7 +106,7 @@ def _wide_rows(file: Path, header: list[str], rows: list[list[str]]) -> Landmark
         for column, (landmark, kind) in columns.items():
             values[i, landmark, kind] = _cell(file, i + 2, row[column])
     if len(np.unique(frames)) < len(frames):
-        raise FileError(f"{file} contains a frame twice.")
+        raise FileError(f"{file} contains the same frame twice.")
     order = np.argsort(frames, kind="stable")
     frames, values = frames[order], values[order]
     detected = np.isfinite(values[..., :2]).all(axis=-1).any(axis=-1)

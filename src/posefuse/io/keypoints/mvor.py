@@ -74,7 +74,7 @@ def read(path: Path, request: Request) -> Detections:
     detected = _is_detected(path)
     data_file = path.with_name(_DATA) if detected else path
     if not data_file.is_file():
-        raise FileError(f"{path} identifies images only by number. {_DATA} is required beside it to group them.")
+        raise FileError(f"{path} identifies images only by number. {_DATA} must be in the same folder to group them.")
     data: _Data = decode(data_file, _Data)
     n_views = max((len(triplet.images) for triplet in data.multiview_images), default=0)
     place = {image.id: (f, v) for f, each in enumerate(data.multiview_images) for v, image in enumerate(each.images)}

@@ -93,8 +93,8 @@ def _person(file: Path, frame: int, person: Any) -> Person:
     values = person.get("pose_keypoints_2d") if isinstance(person, dict) else None
     if not isinstance(values, list) or not all(isinstance(value, int | float) for value in values):
         raise FileError(
-            f"{file}, frame {frame}: a person without pose_keypoints_2d, a list of numbers. Is this a raw file of the "
-            f"detector? OpenCap files end in {_ENDING} and contain OpenPose keypoints."
+            f"{file}, frame {frame}: a person lacks pose_keypoints_2d, which must be a list of numbers. Is this a raw "
+            f"file of the detector? OpenCap files end in {_ENDING} and contain OpenPose keypoints."
         )
     return Person(frame, values)
 

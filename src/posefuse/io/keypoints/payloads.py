@@ -156,7 +156,7 @@ def _add_record(index: _RecordIndex, file: Path, record: Record, row: Mapping[st
     if frame is not None:
         checked_integer(frame, "the frame", where)
     elif time_ns is None:
-        raise FileError(f"{where}: neither a frame ({', '.join(_FRAME)}) nor a time ({', '.join(_TIMES)}).")
+        raise FileError(f"{where} has neither a frame ({', '.join(_FRAME)}) nor a time ({', '.join(_TIMES)}).")
     people, tracks = _detected_people(row, where)
     if len(people):
         index.n_keypoints = index.n_keypoints or people.shape[1]
@@ -231,7 +231,7 @@ def _people(row: Mapping[str, Any], where: str) -> list[Person]:
 def _person(person: Mapping[str, Any], where: str) -> Person:
     points, scores, track = _first(person, _KEYPOINTS), _first(person, _SCORES), _first(person, _TRACK)
     if not isinstance(points, list):
-        raise FileError(f"{where}: a person without keypoints ({', '.join(_KEYPOINTS)}).")
+        raise FileError(f"{where}: a person has no keypoints ({', '.join(_KEYPOINTS)}).")
     values: Any = points
     if scores is not None:
         values = joined(points, scores, where, 0)
@@ -253,7 +253,7 @@ def _assign_frames(path: Path, index: _RecordIndex, camera: np.ndarray) -> tuple
     if _NO_FRAME not in index.cells.frame:
         return list(index.cells.frame), seconds
     if len(stamps) < len(seconds):
-        raise FileError(f"{path}: some records lack a time and some a frame, so they cannot be matched.")
+        raise FileError(f"{path}: some records lack a time and others lack a frame, so they cannot be matched.")
     times = np.array(seconds)
     period = _period_s(times, camera)
     frames, last = [0] * len(seconds), dict[int, int]()

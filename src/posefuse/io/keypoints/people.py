@@ -75,7 +75,7 @@ def _all_frames(frames: np.ndarray, where: str) -> np.ndarray:
     first, last = min(0, int(frames[0])), int(frames[-1])
     if last - first > _MAX_FRAMES:
         raise FileError(
-            f"{where}: frames are numbered up to {last}, which is not plausible for a recording. Are they image ids of "
+            f"{where}: frames are numbered up to {last}, which is not plausible for a recording. Are they image IDs of "
             "a data set, or does a file belong to another recording?"
         )
     return np.arange(first, last + 1)
@@ -154,7 +154,7 @@ def last_number(name: str, where: str) -> int:
     """
     match = re.search(r"(\d{1,12})\D*$", Path(name).stem)
     if match is None:
-        raise FileError(f"{where}: no frame number in the name {name[:60]!r}.")
+        raise FileError(f"{where}: the file name {name[:60]!r} contains no frame number.")
     return int(match.group(1))
 
 

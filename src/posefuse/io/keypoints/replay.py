@@ -125,7 +125,7 @@ def _header(path: Path, line: bytes) -> _Header | None:
     try:
         header = _read_header.decode(line)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise FileError(f"{path}, line 1 is not a valid header of a replay: {error}. Is the file truncated?") from None
+        raise FileError(f"{path}, line 1 is not a valid replay header: {error}. Is the file truncated?") from None
     if header.replay != _VERSION:
         raise FileError(f"{path} is a replay of version {header.replay}; this version of posefuse reads {_VERSION}.")
     return header

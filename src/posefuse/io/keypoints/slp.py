@@ -108,7 +108,10 @@ def _views(file: Path, labels: Any, name: str, n_nodes: int, *, several: bool) -
     names = [name]
     if len(videos) > 1:
         if several:
-            raise FileError(f"{file} has {len(videos)} videos and is beside other files. Choose one with --keypoints.")
+            raise FileError(
+                f"{file} has {len(videos)} videos, but its folder contains other files. Choose one file with "
+                "--keypoints."
+            )
         names = _video_names(videos)
     track_numbers = {id(track): i for i, track in enumerate(labels.tracks)}
     return [

@@ -176,7 +176,7 @@ def _coded(path: Path, table: Any, name: str) -> tuple[np.ndarray, list[str]]:
     except (pa.ArrowInvalid, pa.ArrowNotImplementedError, pa.ArrowTypeError) as error:
         raise FileError(f"{path}: the column {name} does not contain names: {error}.") from None
     if name == "camera" and column.null_count:
-        raise FileError(f"{path}, row {int(np.flatnonzero(column.is_null())[0]) + 1}: no camera.")
+        raise FileError(f"{path}, row {int(np.flatnonzero(column.is_null())[0]) + 1}: the column camera is empty.")
     codes = column.indices.fill_null(-1).to_numpy(zero_copy_only=False)
     return codes.astype(np.int64), column.dictionary.to_pylist()
 
@@ -207,7 +207,7 @@ def _view(path: Path, lines: _Lines, view: int, n_keypoints: int) -> ViewColumns
     detected = np.flatnonzero(in_view & (lines.keypoint >= 0))
     if (lines.person[detected] < 0).any():
         row = int(detected[np.argmax(lines.person[detected] < 0)])
-        raise FileError(f"{path}, row {row + 1}: a keypoint without a person: the column person is empty.")
+        raise FileError(f"{path}, row {row + 1}: a keypoint has no person: the column person is empty.")
     keys, start, row = np.unique(
         np.stack([lines.frame[detected], lines.person[detected]], axis=1),
         axis=0,

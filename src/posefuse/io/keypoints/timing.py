@@ -61,7 +61,7 @@ def with_rates(detections: Detections, rates_hz: Mapping[str, float], rate_hz: f
     for name, rate in rates_hz.items():
         view = _view_of(name, detections.view_names)
         if view is None:
-            raise MatchError(f"view_rates_hz: no view {name!r}. {suggestion(name, detections.view_names)}")
+            raise MatchError(f"view_rates_hz: unknown view {name!r}. {suggestion(name, detections.view_names)}")
         rates[view] = rate
     unknown = [name for name, rate in zip(detections.view_names, rates, strict=True) if np.isnan(rate)]
     if unknown:
@@ -90,8 +90,8 @@ def with_timestamps(detections: Detections, stamps: Timestamps) -> Detections:
     missing = [name for v, name in enumerate(detections.view_names) if v not in by_view]
     if missing:
         raise MatchError(
-            f"{stamps.source} has no times of {choices(missing)}; it has those of {choices(stamps.by_view)}. Specify "
-            "the times of every view, or use a constant rate: --rate-hz."
+            f"{stamps.source} has no times for {choices(missing)}, only for {choices(stamps.by_view)}. Specify the "
+            "times of every view, or use a constant rate: --rate-hz."
         )
     begin_s = math.floor(min(float(each.time_s.min()) for each in by_view.values()))
     times = np.full((detections.n_frames, detections.n_views), np.nan)
@@ -120,8 +120,9 @@ def _times_of(numbers: np.ndarray, stamps: ViewTimes, where: str) -> np.ndarray:
     missing = numbers[stamps.frames[place] != numbers]
     if len(missing):
         raise DetectionsError(
-            f"{where}: no time for {len(missing)} of {len(numbers)} frames, the first of them {missing[0]}; it has "
-            f"frames {stamps.frames[0]} to {stamps.frames[-1]}. Frame numbers must match those of the keypoint files."
+            f"{where}: times are missing for {len(missing)} of {len(numbers)} frames, the first of which is "
+            f"{missing[0]}; the available frames are {stamps.frames[0]} to {stamps.frames[-1]}. Frame numbers must "
+            "match those of the keypoint files."
         )
     return stamps.time_s[place]
 

@@ -147,7 +147,7 @@ def _read_csv(path: Path) -> Frame:
                 continue
             if len(row) != len(columns) + 1:
                 raise FileError(
-                    f"{path}, row {number}: {len(row)} columns, expected {len(columns) + 1}. Is it truncated?"
+                    f"{path}, row {number}: expected {len(columns) + 1} columns, got {len(row)}. Is it truncated?"
                 )
             index.append(int(row[0]))
             values.append([float(cell or "nan") for cell in row[1:]])

@@ -26,7 +26,7 @@ def read_points(path: str | Path, format: str | None = None) -> StoredPoints:  #
     path = Path(path)
     form = None if format is None else next((each for each in RESULTS if each.name == format and each.read), None)
     if format is not None and form is None:
-        raise ResultError(f"No readable format {format!r} of 3D points. {suggestion(format, _readable())}")
+        raise ResultError(f"Unknown format {format!r} of 3D points. {suggestion(format, _readable())}")
     must_exist(path, "file of 3D points")
     if path.suffix.lower() in _HDF5 and path.is_file():
         check_hdf5(path, "HDF5 file")

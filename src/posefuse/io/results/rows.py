@@ -25,8 +25,9 @@ def rows_of(result: Reconstruction, form: str) -> tuple[np.ndarray, int]:
     row_indices, n_rows = regular_rows(result)
     if n_rows > _MAX_ROWS_PER_FRAME * result.n_frames + _MAX_EMPTY_ROWS:
         raise ResultError(
-            f"The format {form} has a row for every frame number: {n_rows} rows for {result.n_frames} frames, "
-            f"numbered {result.frame_numbers[0]} to {result.frame_numbers[-1]}. Write netcdf, csv or parquet instead."
+            f"The format {form} has a row for every frame number and would need {n_rows} rows for {result.n_frames} "
+            f"frames, numbered {result.frame_numbers[0]} to {result.frame_numbers[-1]}. Write netcdf, csv or parquet "
+            "instead."
         )
     return row_indices, n_rows
 

@@ -122,7 +122,7 @@ def read(path: Path) -> TrcContent:
     rows = [(number, line) for number, line in enumerate(lines[5:], 6) if line.strip()]
     n_frames = header.get("NumFrames", "").strip()
     if n_frames.isdigit() and int(n_frames) != len(rows):
-        raise FileError(f"{path} has {len(rows)} rows, but its header says {n_frames} frames. Is it truncated?")
+        raise FileError(f"{path} has {len(rows)} rows, but its header declares {n_frames} frames. Is it truncated?")
     table = np.full((len(rows), width), np.nan)
     for i, (number, line) in enumerate(rows):
         cells = line.split("\t")[:width]

@@ -168,7 +168,7 @@ def write_also(result: Reconstruction, folder: Path, also: Sequence[str]) -> tup
     for name in dict.fromkeys(also):
         form = RESULTS.find_written(name)
         if form is None or not form.additional_name:
-            raise ResultError(f"--also offers no format {name!r}. {suggestion(name, additional_names())}")
+            raise ResultError(f"--also: unknown format {name!r}. {suggestion(name, additional_names())}")
         path = folder / form.additional_name
         written = write(result, path, name)
         files += [file.name for file in written.files]

@@ -70,7 +70,7 @@ def write_video(path: Path, size_px: tuple[int, int], rate_hz: float) -> Iterato
     """
     av = import_pyav()
     if "libx264" not in av.codecs_available:
-        raise FileError("This PyAV has no encoder libx264. Run: pip install --force-reinstall av")
+        raise FileError("The installed PyAV has no encoder libx264. Run: pip install --force-reinstall av")
     with replacing(path) as temporary:
         options = {"fflags": "+bitexact", "movflags": "+faststart"}
         with av.open(str(temporary), "w", format="mp4", options=options) as container:

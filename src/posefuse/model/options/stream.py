@@ -54,6 +54,6 @@ class StreamOptions:
         check_fields(self, "")
         if self.max_jump_s <= self.max_wait_s:
             raise OptionsError(
-                f"max_jump_s ({self.max_jump_s}) must be above max_wait_s ({self.max_wait_s}): a view that a frame "
-                "still waits for is not a jump."
+                f"max_jump_s ({self.max_jump_s}) must be above max_wait_s ({self.max_wait_s}): a view that a frame is "
+                "still waiting for must not count as a jump."
             )

@@ -17,6 +17,6 @@ def select_people(tracks: Tracks, names: Sequence[str]) -> tuple[Tracks, list[in
     known = tracks.person_ids
     for name in names:
         if name not in known:
-            raise OptionsError(f"person: no person is called {name!r}; there are {choices(known, 20)}.")
+            raise OptionsError(f"person: no person is called {name!r}; the people are {choices(known, 20)}.")
     keep = [known.index(name) for name in names]
     return Tracks(tuple(names), np.asarray(tracks.detection)[:, keep], np.asarray(tracks.state)[:, keep]), keep

@@ -118,7 +118,7 @@ def find_plot(name: str) -> Plot:
     for plot in PLOTS:
         if plot.name == name:
             return plot
-    raise OptionsError(f"--figure: no figure {name!r}. {suggestion(name, PLOT_NAMES)}")
+    raise OptionsError(f"--figure: unknown figure {name!r}. {suggestion(name, PLOT_NAMES)}")
 
 
 def draw_plot(name: str, data: "PlotData") -> "RenderedFigure | None":

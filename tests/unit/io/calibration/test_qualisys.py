@@ -94,7 +94,7 @@ def test_qualisys_is_written_as_qualisys(tmp_path):
     ("change", "why"),
     [
         ({"up_axis": "y"}, "requires the up axis z, but it is y"),
-        ({"cameras": ring(2, "fisheye").cameras}, "has others"),
+        ({"cameras": ring(2, "fisheye").cameras}, "has other distortion coefficients"),
         ({"cameras": (replace(ring(2).cameras[0], name="a\x01"),)}, "does not allow some characters"),
     ],
 )

@@ -36,5 +36,5 @@ def test_unknown_number_of_keypoints_lists_the_shipped_skeletons():
 
 
 def test_missing_detections_do_not_decide():
-    with pytest.raises(SkeletonError, match="the detections do not decide"):
+    with pytest.raises(SkeletonError, match="the detections do not determine which"):
         infer_skeleton(25, np.full((4, 25, 2), np.nan), "x.json")

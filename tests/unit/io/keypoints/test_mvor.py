@@ -26,5 +26,5 @@ class TestMvor:
         detected = read_detections(tmp_path / "openpose_kps.json")
         assert detected.people_counts.tolist() == [[0, 1], [0, 0]]
         (tmp_path / "camma_mvor_2018.json").unlink()
-        with pytest.raises(FileError, match="is required beside it"):
+        with pytest.raises(FileError, match="must be in the same folder"):
             read_detections(tmp_path / "openpose_kps.json")

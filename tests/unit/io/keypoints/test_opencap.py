@@ -35,9 +35,9 @@ def test_trials_of_opencap_are_separate_recordings(tmp_path):
     [
         (pickle.dumps([[print]]), "refers to builtins.print"),
         (pickle.dumps({"frames": []}), "expected a list of frames"),
-        (pickle.dumps([[{"preds_with_flip": [1.0]}]]), "frame 0: a person without pose_keypoints_2d"),
-        (pickle.dumps([["nobody"]]), "frame 0: a person without pose_keypoints_2d"),
-        (pickle.dumps([[{"pose_keypoints_2d": ["x"]}]]), "frame 0: a person without pose_keypoints_2d"),
+        (pickle.dumps([[{"preds_with_flip": [1.0]}]]), "frame 0: a person lacks pose_keypoints_2d"),
+        (pickle.dumps([["nobody"]]), "frame 0: a person lacks pose_keypoints_2d"),
+        (pickle.dumps([[{"pose_keypoints_2d": ["x"]}]]), "frame 0: a person lacks pose_keypoints_2d"),
         (pickle.dumps([[{"pose_keypoints_2d": [10**400] * 75}]]), "frame 0: a keypoint of a person is not a number"),
         (pickle.dumps([[{"pose_keypoints_2d": [1.0] * 75}] * 1000] * 10**4), "would expand to 6000000000 bytes"),
         (pickle.dumps([[{"pose_keypoints_2d": [1.0] * 75}]])[:-40], "is not a complete pickle of OpenCap keypoints"),

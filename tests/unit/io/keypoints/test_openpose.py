@@ -167,5 +167,5 @@ class TestOpenPose:
     def test_ambiguous_skeletons_are_an_error(self, tmp_path):
         (tmp_path / "cam").mkdir()
         write_openpose_frame(tmp_path / "cam" / "0.json", [{"pose_keypoints_2d": [5.0, 5.0, 0.5] * 25}])
-        with pytest.raises(SkeletonError, match="may be body_25, body_25b; the detections do not decide"):
+        with pytest.raises(SkeletonError, match="may be body_25, body_25b, and the detections do not determine which"):
             read_detections(tmp_path)

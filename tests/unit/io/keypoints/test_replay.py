@@ -33,7 +33,7 @@ class TestRecords:
         [
             ({"camera": "a", "people": []}, "neither a frame"),
             ({"camera": "a", "timestamp": "now", "people": []}, "expected a number for timestamp"),
-            ({"camera": "a", "timestamp": 2, "people": [{"x": 1}]}, "a person without keypoints"),
+            ({"camera": "a", "timestamp": 2, "people": [{"x": 1}]}, "a person has no keypoints"),
             ({"camera": "a", "timestamp": 2, "people": 4}, "expected a list of people"),
         ],
     )

@@ -75,5 +75,5 @@ def test_cyclic_heap_is_refused(pair_result, tmp_path):
         at += 16 + -(-int.from_bytes(content[at + 8 : at + 16], "little") // 8) * 8
     content[at + 8 : at + 16] = (8).to_bytes(8, "little")
     (tmp_path / "movement.nc").write_bytes(content)
-    with pytest.raises(FileError, match=f"its strings at byte {start} are broken"):
+    with pytest.raises(FileError, match=f"its strings at byte {start} are corrupt"):
         posefuse.read_points(tmp_path / "movement.nc", "movement")

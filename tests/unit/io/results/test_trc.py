@@ -73,7 +73,7 @@ class TestTrc:
             ("PathFileType\n\n\n\n\n", "DataRate and Units"),
             (
                 "PathFileType\nDataRate\tUnits\tNumFrames\n60\tm\t3\nFrame#\tTime\ta\n\t\tX1\n1\t0\t1\t2\t3\n",
-                "has 1 rows, but its header says 3 frames. Is it truncated",
+                "has 1 rows, but its header declares 3 frames. Is it truncated",
             ),
             ("PathFileType\nDataRate\tUnits\n60\tm\nFrame#\tTime\ta\n\t\tX1\n1\t0\t1\tx\t3\n", "line 6.*neither"),
         ],

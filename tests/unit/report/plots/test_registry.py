@@ -61,7 +61,7 @@ def test_angles_require_a_fitted_model(result):
 
 
 def test_unknown_names_raise_errors(result):
-    with pytest.raises(OptionsError, match="no figure 'eror'. Did you mean 'errors'"):
+    with pytest.raises(OptionsError, match="unknown figure 'eror'. Did you mean 'errors'"):
         draw_plot("eror", gather_plot_data(result, None))
     with pytest.raises(SkeletonError, match="no keypoint 'noze'"):
         gather_plot_data(result, None, ("noze",))
@@ -82,7 +82,7 @@ class TestCommand:
 
     @pytest.mark.parametrize(
         ("arguments", "words"),
-        [(["--figure", "live"], "no figure 'live'"), (["--figure", "angles"], "no data for angles")],
+        [(["--figure", "live"], "unknown figure 'live'"), (["--figure", "angles"], "no data for angles")],
     )
     def test_command_leaves_no_files_after_an_error(self, folder, capsys, arguments, words):
         with pytest.raises(SystemExit) as stopped:
