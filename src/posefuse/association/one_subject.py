@@ -113,7 +113,7 @@ def _tracks(chosen: np.ndarray) -> Tracks:
 
 
 def lone_detections(detections: Detections) -> SingleSubject:
-    """Return a subject whose detections are those that are alone in their view and frame."""
+    """Return a subject with the detections that are alone in their view and frame."""
     ids = np.full(detections.n_views, -1)
     return SingleSubject(
         detections, None, ids, assigned=np.where(detections.people_counts == 1, 0, -1).astype(np.int32)

@@ -138,21 +138,19 @@ RENAMED: dict[str, str] = {
 }
 """Former names of options. Stored results that use them are still read."""
 
-UNITS: dict[str, tuple[str, dict[str, str]]] = {
+UNITS: dict[str, tuple[str, str, str]] = {
     "triangulation.ransac.threshold": (
         "triangulation.ransac.threshold_unit",
-        {"px": "triangulation.ransac.threshold_px", "m": "triangulation.ransac.threshold_m"},
+        "triangulation.ransac.threshold_px",
+        "triangulation.ransac.threshold_m",
     ),
     "triangulation.weighted_subsets.target_reprojection_error": (
         "triangulation.weighted_subsets.target_unit",
-        {
-            "px": "triangulation.weighted_subsets.target_px",
-            "normalised": "triangulation.weighted_subsets.target_normalized",
-            "normalized": "triangulation.weighted_subsets.target_normalized",
-        },
+        "triangulation.weighted_subsets.target_px",
+        "triangulation.weighted_subsets.target_normalized",
     ),
 }
-"""Former options whose unit was another option: the name of that option, and the current option of each unit."""
+"""Former options whose unit was another option: that option, and the current options in px and in the other unit."""
 
 REMOVED: frozenset[str] = frozenset({"side_search.learn_every", "side_search.memory"})
 """Former options without a successor. Stored results that hold them are still read."""
@@ -168,9 +166,9 @@ def matching_option(name: str, siblings: Iterable[str] = ()) -> str | None:
     name = name.strip("-").replace("-", "_").lower()
     if name in RENAMED:
         return RENAMED[name]
-    for former, (unit, current) in UNITS.items():
+    for former, (unit, in_px, _) in UNITS.items():
         if name in (former, unit):
-            return current["px"]
+            return in_px
     table, _, key = name.rpartition(".")
     valid = options_by_name()
     for word in (name, key):
@@ -209,12 +207,12 @@ def with_current_names(data: Mapping[str, Any], prefix: str = "") -> dict[str, A
     current: dict[str, Any] = {}
     leaves = dict(_leaves(data, prefix))
     for name, value in leaves.items():
-        if name in REMOVED or any(name == unit for unit, _ in UNITS.values()):
+        if name in REMOVED or any(name == unit for unit, _, _ in UNITS.values()):
             continue
         new = RENAMED.get(name, name)
         if name in UNITS:
-            unit, by_unit = UNITS[name]
-            new = by_unit.get(leaves.get(unit, "px"), by_unit["px"])
+            unit, in_px, in_other_unit = UNITS[name]
+            new = in_px if leaves.get(unit, "px") == "px" else in_other_unit
         *tables, key = new.removeprefix(prefix).split(".")
         table = current
         for each in tables:
