@@ -218,11 +218,10 @@ class Reconstruction:
             ResultError: if the named layer does not exist.
         """
         if name is None:
-            present = [layer for layer in LAYERS if layer in self.layers]
             with_edge = len(set(self.skeleton.edge_indices.ravel().tolist()))
-            if len(present) > 1 and 2 * len(self.skeleton.unmodeled) > with_edge and present[-1] == "model":
-                present.pop()
-            name = present[-1]
+            sparse = 2 * len(self.skeleton.unmodeled) > with_edge
+            present: list[LayerName] = [layer for layer in LAYERS if layer in self.layers]
+            name = present[-2] if sparse and present[-1] == "model" and len(present) > 1 else present[-1]
         if name not in self.layers:
             raise ResultError(f"This result has no layer {name!r}; it has {choices(self.layers)}.")
         return name, self.layers[name]
