@@ -175,7 +175,9 @@ class Skeleton(PickledByFields):
 
     @cached_property
     def unmodeled(self) -> tuple[str, ...]:
-        """Names of the keypoints that have an edge, but no node in the kinematic tree and the parts."""
+        """Names of the keypoints that have an edge, but no node in the kinematic tree and the parts, if there is one."""
+        if self.tree is None:
+            return ()
         ends = set(self.edge_indices.ravel().tolist())
         return tuple(self.keypoints[k] for k in np.flatnonzero(~self.modeled).tolist() if k in ends)
 
