@@ -297,16 +297,6 @@ class TestBadInput:
             words=["'cam_0'", "the rotation matrix is not a proper rotation"],
         )
 
-    def test_several_people(self, refused, recording, tmp_path, clean_scene):
-        (recording / "keypoints.nc").unlink()
-        write_openpose(recording / "pose", clean_scene.detections)
-        path = recording / "pose" / "cam_2_json" / "cam_2_000000000007_keypoints.json"
-        frame = json.loads(path.read_text())
-        frame["people"].append(frame["people"][0])
-        path.write_text(json.dumps(frame))
-        words = ["View 'cam_2_json' shows 2 people in frame 7", "--pick largest"]
-        refused("reconstruct", recording, "-o", tmp_path / "o", "--people", "one", "--rate-hz", "30", words=words)
-
     def test_skeleton_with_other_keypoints(self, refused, recording, tmp_path, clean_scene):
         (recording / "keypoints.nc").unlink()
         write_openpose(recording / "pose", clean_scene.detections)
@@ -384,3 +374,16 @@ def test_every_public_name_exists():
         assert getattr(posefuse, name) is not None
     with pytest.raises(AttributeError, match="no attribute 'recontruct'"):
         _ = posefuse.recontruct
+
+
+def test_one_person_of_several_is_the_one_seen_longest(run, recording, tmp_path, clean_scene):
+    (recording / "keypoints.nc").unlink()
+    write_openpose(recording / "pose", clean_scene.detections)
+    path = recording / "pose" / "cam_2_json" / "cam_2_000000000007_keypoints.json"
+    frame = json.loads(path.read_text())
+    frame["people"].append(frame["people"][0])
+    path.write_text(json.dumps(frame))
+    code, output, _ = run("reconstruct", recording, "-o", tmp_path / "o", "--people", "one", "--rate-hz", "30")
+    assert code == 0
+    assert "the person whom the cameras see longest" in output.replace("\n", " ")
+    assert (tmp_path / "o" / "person_1.trc").is_file()

@@ -68,6 +68,7 @@ def test_result_follows_a_change_of_world_coordinates(seed, lens, shift):
     np.testing.assert_allclose(unpack_covariance(other.covariance_m2), covariance, rtol=0.01, atol=1e-8)
 
 
+@pytest.mark.filterwarnings("ignore:The scale is wrong:posefuse.errors.PosefuseWarning")
 @given(seed=seeds, lens=lenses, factor=st.floats(0.001, 1000))
 @examples(15)
 def test_result_scales_with_the_world(seed, lens, factor):

@@ -175,7 +175,7 @@ class Skeleton(PickledByFields):
 
     @cached_property
     def unmodeled(self) -> tuple[str, ...]:
-        """Names of the keypoints that have an edge, but no node in the kinematic tree and the parts, if there is one."""
+        """Names of the keypoints that have an edge, but no node in the kinematic tree and the parts."""
         if self.tree is None:
             return ()
         ends = set(self.edge_indices.ravel().tolist())

@@ -37,7 +37,7 @@ def test_single_person_needs_no_selection():
 
 
 def test_several_people_need_a_selection():
-    with pytest.raises(DetectionsError, match=r"View 'b' shows 2 people in frame 1 .*with --pick largest, or remove"):
+    with pytest.raises(DetectionsError, match=r"View 'b' shows 2 people in frame 1\. .*with --pick largest, or"):
         chosen(detections_of_sizes([[[5], [5]], [[5], [5, 6]]]), None)
     with pytest.raises(DetectionsError, match="--pick largest or --pick track-id"):
         chosen(detections_of_sizes([[[5], [5]], [[5], [5, 6]]], [1, 1, 1, 1, 2]), None)

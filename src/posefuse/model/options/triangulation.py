@@ -51,7 +51,7 @@ class WeightedSubsetsOptions:
     """
 
     target_px: float = option(10.0, above=0.0)
-    target_normalized: float | None = option(None, above=0.0, below=1.0)
+    target_normalized: float | None = option(None, above=0.0, below=1.0, example="0.01")
     max_cameras_to_drop: int = option(1, at_least=0)
 
     def __post_init__(self) -> None:
