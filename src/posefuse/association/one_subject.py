@@ -97,8 +97,8 @@ def select_subject(detections: Detections, pick: Pick | None, subject_ids: np.nd
         ways = "--pick largest or --pick track-id" if (subject_ids >= 0).any() else "--pick largest"
         raise DetectionsError(
             f"View {detections.view_names[v]!r} shows {counts[f, v]} people in frame {detections.frame_numbers[f]}. "
-            f"In this range, {len(crowded)} {'image shows' if len(crowded) == 1 else 'images show'} several people. Select the subject with "
-            f"{ways}, or remove the other people."
+            f"In this range, {len(crowded)} {'image shows' if len(crowded) == 1 else 'images show'} several people. "
+            f"Select the subject with {ways}, or remove the other people."
         )
     else:
         for f, v in crowded:
