@@ -49,14 +49,7 @@ def kernel_rate(lens: LensKind, frames: int = 8000) -> float:
     keypoints = np.ascontiguousarray(data.pixels.reshape(-1, 26, 2))
     confidence = np.ascontiguousarray(data.confidence.reshape(-1, 26))
     rows = np.arange(frames * 5).reshape(frames, 5)
-    out = TriangulatedPoints(
-        np.empty((frames, 26, 3)),
-        np.empty((frames, 26, 6)),
-        np.empty((frames, 26), np.int8),
-        np.empty((frames, 26, 5), np.int8),
-        np.empty((frames, 26, 5), np.float32),
-        np.empty((frames, 26)),
-    )
+    out = TriangulatedPoints.allocate(frames, 26, 5)
     observations, noise = Observations(keypoints, confidence, rows), NoiseParameters(np.full(5, 2.0), 0.0, 0.0)
     spent = median_cpu_s(lambda: triangulate_views(data.rig.packed, observations, noise, 3, out))
     return frames * 26 / spent

@@ -146,7 +146,6 @@ TESTED_ELSEWHERE = {
         "trajectory/observations.py",
         "trajectory/path_solver.py",
     ),
-    "unit/triangulation/test_registry.py": ("triangulation/observations.py",),
     "unit/visualize/overlay/test_write.py": (
         "visualize/annotations.py",
         "visualize/drawing.py",

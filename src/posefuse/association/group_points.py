@@ -59,14 +59,7 @@ def triangulate_groups(
     n, views = rows.shape
     k = frame.keypoints_px.shape[1]
     pixels, confidence, rows = _unswapped(frame, skeleton, rows, swapped)
-    out = TriangulatedPoints(
-        points=np.empty((n, k, 3)),
-        covariance=np.empty((n, k, 6)),
-        status=np.empty((n, k), dtype=np.int8),
-        view_codes=np.empty((n, k, views), dtype=np.int8),
-        view_errors_px=np.empty((n, k, views), dtype=np.float32),
-        mean_errors_px=np.empty((n, k)),
-    )
+    out = TriangulatedPoints.allocate(n, k, views)
     triangulate_consensus(
         rig.packed,
         Observations(frozen(pixels), frozen(confidence), rows),

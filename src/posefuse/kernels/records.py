@@ -5,6 +5,8 @@ A field always has the same type, so that each kernel is compiled once.
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 
 class CameraArrays(NamedTuple):
     """Cameras of a rig, see :attr:`posefuse.model.cameras.CameraRig.packed`.
@@ -81,3 +83,15 @@ class TriangulatedPoints(NamedTuple):
     view_codes: Any
     view_errors_px: Any
     mean_errors_px: Any
+
+    @classmethod
+    def allocate(cls, n: int, n_keypoints: int, n_views: int) -> "TriangulatedPoints":
+        """Allocate uninitialized arrays for ``n`` people and frames."""
+        return cls(
+            points=np.empty((n, n_keypoints, 3)),
+            covariance=np.empty((n, n_keypoints, 6)),
+            status=np.empty((n, n_keypoints), dtype=np.int8),
+            view_codes=np.empty((n, n_keypoints, n_views), dtype=np.int8),
+            view_errors_px=np.empty((n, n_keypoints, n_views), dtype=np.float32),
+            mean_errors_px=np.empty((n, n_keypoints)),
+        )

@@ -259,11 +259,7 @@ class PartTracker:
     def _triangulated(self, pixels: np.ndarray, trust: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Triangulate the points that two views or more show: points (point, 3) and covariances (point, 6)."""
         s, (views, points) = self.settings, trust.shape
-        out = TriangulatedPoints(
-            np.empty((1, points, 3)), np.empty((1, points, 6)), np.empty((1, points), dtype=np.int8),
-            np.empty((1, points, views), dtype=np.int8), np.empty((1, points, views), dtype=np.float32),
-            np.empty((1, points)),
-        )  # fmt: skip
+        out = TriangulatedPoints.allocate(1, points, views)
         whose = np.where(rows >= 0, np.arange(views), status_codes.NO_DETECTION)[None]
         # Frozen as the arrays of a recording are: the kernel is compiled for these already.
         seen = Observations(frozen(pixels), frozen(trust), whose)

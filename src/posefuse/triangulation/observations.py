@@ -63,14 +63,7 @@ class Observations:
             min_views: points with fewer views are missing.
         """
         n, views = used.shape
-        out = SolvedPoints(
-            points_m=np.empty((n, 3)),
-            covariance_m2=np.empty((n, 6)),
-            status=np.empty(n, dtype=np.int8),
-            view_status=np.empty((n, views), dtype=np.int8),
-            view_error_px=np.empty((n, views), dtype=np.float32),
-            error_px=np.empty(n),
-        )
+        out = TriangulatedPoints.allocate(n, 1, views)
         rows = np.arange(n * views).reshape(n, views)
         triangulate_views(
             self.rig.packed,
@@ -81,16 +74,9 @@ class Observations:
             ),
             NoiseParameters(self.noise.scale_px, self.noise.exponent, 0.0),
             min_views,
-            TriangulatedPoints(
-                out.points_m[:, None],
-                out.covariance_m2[:, None],
-                out.status[:, None],
-                out.view_status[:, None],
-                out.view_error_px[:, None],
-                out.error_px[:, None],
-            ),
+            out,
         )
-        return out
+        return SolvedPoints(*(array[:, 0] for array in out))
 
     def errors_px(self, points_m: np.ndarray) -> np.ndarray:
         """Return the reprojection error of every observation, shape (point, view), NaN where there is none."""

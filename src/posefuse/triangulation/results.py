@@ -18,39 +18,13 @@ class LayerBuffers:
     """Hold the output arrays of ``person_frame = frame * people + person``, as :class:`Layer` describes them."""
 
     tracks: Tracks
-    points_m: np.ndarray
-    covariance_m2: np.ndarray
-    status: np.ndarray
-    view_status: np.ndarray
-    view_error_px: np.ndarray
-    reprojection_error_px: np.ndarray
+    arrays: TriangulatedPoints
 
     @classmethod
     def allocate(cls, tracks: Tracks, n_keypoints: int) -> Self:
         """Allocate uninitialized arrays for all people of the tracks."""
         frames, people, views = tracks.detection.shape
-        n = frames * people
-        return cls(
-            tracks=tracks,
-            points_m=np.empty((n, n_keypoints, 3)),
-            covariance_m2=np.empty((n, n_keypoints, 6)),
-            status=np.empty((n, n_keypoints), dtype=np.int8),
-            view_status=np.empty((n, n_keypoints, views), dtype=np.int8),
-            view_error_px=np.empty((n, n_keypoints, views), dtype=np.float32),
-            reprojection_error_px=np.empty((n, n_keypoints)),
-        )
-
-    @property
-    def arrays(self) -> TriangulatedPoints:
-        """Return the arrays as kernels take them."""
-        return TriangulatedPoints(
-            self.points_m,
-            self.covariance_m2,
-            self.status,
-            self.view_status,
-            self.view_error_px,
-            self.reprojection_error_px,
-        )
+        return cls(tracks, TriangulatedPoints.allocate(frames * people, n_keypoints, views))
 
     def finish(self) -> Layer:
         """Return the layer of measured points; points of absent people have the status absent."""
@@ -59,17 +33,18 @@ class LayerBuffers:
         def by_frame(array: np.ndarray) -> np.ndarray:
             return array.reshape(frames, people, *array.shape[1:])
 
-        status = by_frame(self.status)
+        arrays = self.arrays
+        status = by_frame(arrays.status)
         absent = np.asarray(self.tracks.state[:]) == TrackState.ABSENT
         status[absent] = PointStatus.ABSENT
         return Layer(
-            points_m=by_frame(self.points_m),
-            covariance_m2=by_frame(self.covariance_m2),
+            points_m=by_frame(arrays.points),
+            covariance_m2=by_frame(arrays.covariance),
             status=status,
             source=np.where(status < PointStatus.NOT_SEEN, Source.MEASURED, Source.NONE).astype(np.int8),
-            reprojection_error_px=by_frame(self.reprojection_error_px),
-            view_status=by_frame(self.view_status),
-            view_error_px=by_frame(self.view_error_px),
+            reprojection_error_px=by_frame(arrays.mean_errors_px),
+            view_status=by_frame(arrays.view_codes),
+            view_error_px=by_frame(arrays.view_errors_px),
         )
 
 

@@ -37,14 +37,7 @@ def triangulate(
     """Run the kernel on pixels (frame, view, keypoint, 2)."""
     n, views, keypoints, _ = pixels.shape
     trust = np.full(pixels.shape[:-1], 0.8) if confidence is None else confidence
-    out = TriangulatedPoints(
-        points=np.empty((n, keypoints, 3)),
-        covariance=np.empty((n, keypoints, 6)),
-        status=np.empty((n, keypoints), dtype=np.int8),
-        view_codes=np.empty((n, keypoints, views), dtype=np.int8),
-        view_errors_px=np.empty((n, keypoints, views), dtype=np.float32),
-        mean_errors_px=np.empty((n, keypoints)),
-    )
+    out = TriangulatedPoints.allocate(n, keypoints, views)
     triangulate_views(
         rig.packed,
         Observations(
