@@ -1,7 +1,7 @@
 """Arrays that stay in their files and behave like NumPy arrays."""
 
 import operator
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from typing import Any, NoReturn, cast
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 
-class LazyArray(NDArrayOperatorsMixin):
+class LazyArray(NDArrayOperatorsMixin, ABC):
     """Read-only array that is read from its file when it is used.
 
     An index or a slice of the first axis reads these rows only. Everything else that NumPy arrays offer (operators,

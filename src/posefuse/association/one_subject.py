@@ -133,15 +133,15 @@ def longest_subject(detections: Detections, tracks: Tracks) -> SingleSubject:
     detection = np.asarray(tracks.detection)
     if not detection.shape[1]:
         raise DetectionsError(
-            "Views show several people, but no person was tracked, so that the subject is unknown. Use --pick largest "
-            "or --pick track-id."
+            "Views show several people, but no person was tracked, so the subject is unknown. Use --pick largest or "
+            "--pick track-id."
         )
     counts = (detection >= 0).sum(axis=(0, 2))
     best = int(np.argmax(counts))
     share = (detection[:, best] >= 0).mean()
     note = (
         f"people = 'one': the subject is the person whom the cameras see longest ({share:.0%} of all frames of all "
-        f"views), out of {len(counts)} tracked people. --pick chooses another way."
+        f"views), out of {len(counts)} tracked people. --pick selects the subject in another way."
     )
     return SingleSubject(
         detections, None, longest_track_ids(detections), assigned=detection[:, best].astype(np.int32), note=note

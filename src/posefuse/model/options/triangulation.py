@@ -46,7 +46,8 @@ class WeightedSubsetsOptions:
 
     Attributes:
         target_px: Mean reprojection error above which a point is triangulated with fewer cameras.
-        target_normalized: The same as a fraction of the focal length, instead of target_px; FreeMoCap uses 0.01.
+        target_normalized: Mean reprojection error, as a fraction of the focal length, above which a point is
+            triangulated with fewer cameras. It replaces target_px; FreeMoCap uses 0.01.
         max_cameras_to_drop: Maximum number of cameras that are left out of a point.
     """
 

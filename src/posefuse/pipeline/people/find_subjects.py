@@ -76,7 +76,7 @@ def _find_subject(
     if not several or options.pick is not None or len(rig) == 1:
         return SingleSubject.of(detections, options.pick)
     people = track_people(rig, detections, options, progress, checkpoint.child("everyone"))
-    if people.n_frames < detections.n_frames:
+    if people.n_frames < detections.n_frames:  # interrupted: the rest decides who the subject is
         raise KeyboardInterrupt
     return longest_subject(detections, people.recording_tracks)
 
