@@ -42,11 +42,12 @@ def batch_page(outcomes: Sequence[JobResult]) -> str:
     rows = "".join(_row(each) for each in outcomes)
     reasons = "".join(f"<tr><th>{escape(each.name)}</th><td>{escape(each.why)}</td></tr>" for each in failed)
     failures = f"<h2>Not reconstructed</h2><table>{reasons}</table>" if failed else ""
+    heading = "1 recording" if len(outcomes) == 1 else f"{len(outcomes)} recordings"
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>posefuse: {len(outcomes)} recordings</title><style>{css}</style>"
-        f"<h1>{len(outcomes)} recordings</h1><p>{n_done} reconstructed, {len(failed)} not.</p>{failures}"
+        f"<title>posefuse: {heading}</title><style>{css}</style>"
+        f"<h1>{heading}</h1><p>{n_done} reconstructed, {len(failed)} not.</p>{failures}"
         f'<h2>Recordings</h2><div class="wide"><table><tr>{head}</tr>{rows}</table></div></html>\n'
     )
 
