@@ -31,11 +31,18 @@ def freemocap(folder):
     np.save(raw / "mediapipe_2dData_numCams_numFrames_numTrackedPoints_pixelXY.npy", three)
     np.save(raw / "mediapipe_3dData_numFrames_numTrackedPoints_spatialXYZ.npy", np.zeros((6, 25, 3)))
     (folder / "synchronized_videos" / "timestamps").mkdir(parents=True)
-    for name in VIEWS:
+    for v, name in enumerate(VIEWS):
         (folder / "synchronized_videos" / f"{name}.mp4").touch()
-        times = 1e9 * (1_700_000_000 + np.arange(len(pixels)) / 25)
-        np.save(folder / "synchronized_videos" / "timestamps" / f"{name}_timestamps.npy", times)
+        skellycam_times(folder / "synchronized_videos" / "timestamps", name, np.arange(len(pixels)) / 25 + 0.003 * v)
     anipose.write(SCENE.rig, folder / "rec_camera_calibration.toml")
+
+
+def skellycam_times(folder, name, time_s):
+    """Write the times of a video like FreeMoCap 1.8: nanoseconds of the computer's clock, as an array and as text."""
+    times_ns = np.round(1e9 * (81_000 + np.asarray(time_s)))
+    np.save(folder / f"{name}_binary.npy", times_ns)
+    rows = [",0", *(f"{f},{time}" for f, time in enumerate(times_ns))]
+    (folder / f"{name}_timestamps_human_readable.csv").write_text("\n".join(rows) + "\n")
 
 
 def anipose_session(folder):

@@ -46,6 +46,6 @@ def test_freemocap_times_start_at_zero(tmp_path, capsys):
     output = " ".join(capsys.readouterr().out.split())
     assert "times read as nanoseconds" in output
     assert "rate 25 Hz" in output
-    assert "frames 0 to 5, 0.000 to 0.200 s" in output
+    assert "frames 0 to 5, 0.000 to 0.203 s" in output
     assert "images and videos" in output
     assert "spatialXYZ.npy: 3D results" in output

@@ -7,7 +7,8 @@ order. Caliscope's ``frame_time_history.csv`` is such a table.
 
 A folder (FreeMoCap's ``timestamps``) contains per view a ``.npy`` file with one time per frame, or such a table without
 the view column. The files are named after the views. Arrays do not state their unit; it is inferred from the interval
-between frames, which is between 1 ms and 1 s.
+between frames, which is between 1 ms and 1 s. FreeMoCap 1.8 writes ``<video>_binary.npy``: nanoseconds of one clock of
+the computer, shape (frame,). A camera that delivers frames more slowly repeats a frame and its time.
 """
 
 import csv
@@ -33,6 +34,8 @@ _MAX_COLUMNS = 8
 _MAX_FILES = 300
 _MIN_INTERVAL_S = 1e-3
 _MAX_FRAME = 2**40
+_NAME_SUFFIX = re.compile(r"(_binary|[_\-. ]*(unix)?[_\-. ]*time[_\-]?stamps?.*)$", re.IGNORECASE)
+"""What follows the name of the view in the name of a file with its times."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +196,7 @@ def _read_folder(folder: Path) -> Timestamps:
     by_view, array_units = {}, []
     for file in files:
         columns = _columns_of(file) if file.suffix == ".csv" else None
-        name = re.sub(r"[_\-. ]*(unix)?[_\-. ]*time[_\-]?stamps?.*$", "", file.stem, flags=re.IGNORECASE)
+        name = _NAME_SUFFIX.sub("", file.stem)
         if columns is not None:
             rows = [(frame, time_s) for _, frame, time_s in _rows(file, columns)]
             by_view[name or file.stem] = _view_times(file, name, rows, columns)
@@ -218,7 +221,8 @@ def _array(file: Path) -> tuple[np.ndarray, str]:
     times = values.astype(np.float64)
     if not np.isfinite(times).all():
         raise FileError(f"{file} contains times that are not finite.")
-    step = float(np.median(np.diff(times)))
+    steps = np.diff(times)
+    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
     for unit, scale in (("seconds", 1.0), ("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9)):
         if _MIN_INTERVAL_S <= step * scale < 1.0:
             return times * scale, unit

@@ -11,7 +11,7 @@ from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.frame_rates import find_frame_rate
 from posefuse.io.keypoints.registry import KEYPOINTS
 from posefuse.io.keypoints.request import Request
-from posefuse.io.keypoints.timing import with_common_frames
+from posefuse.io.keypoints.timing import replace_mismatched_timestamps, with_common_frames
 from posefuse.model.detections import Detections
 from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 
@@ -33,7 +33,10 @@ def read_keypoints(path: Path, request: Request) -> Detections:
     if form is None:
         formats = choices(f"{form.name} ({form.files})" for form in KEYPOINTS)
         raise FileError(f"{path} contains no keypoints in a known format. Formats: {formats}.")
-    return with_common_frames(_with_stated_rate(form.read(path, request), path, request), request)
+    detections = form.read(path, request)
+    if request.nearby is not None and not (request.rate_hz or request.view_rates_hz or has_times(detections)):
+        detections, request = replace_mismatched_timestamps(detections, request, find_frame_rate(path))
+    return with_common_frames(_with_stated_rate(detections, path, request), request)
 
 
 def _with_stated_rate(detections: Detections, path: Path, request: Request) -> Detections:

@@ -7,11 +7,15 @@ from dataclasses import replace
 import numpy as np
 
 from posefuse.errors import DetectionsError, MatchError, choices, suggestion
+from posefuse.io.keypoints.frame_rates import FrameRate
 from posefuse.io.keypoints.request import Request
 from posefuse.io.timestamps import Timestamps, ViewTimes
 from posefuse.model.detections import Detections
 from posefuse.model.view_names import plain_name
 from posefuse.preprocess.timeline import align_views, nominal_rate_hz, uneven_lengths
+
+_SAME_RATE = 0.05
+"""Relative difference of frame rates that are the same: webcams deviate from their nominal rate."""
 
 
 def with_common_frames(detections: Detections, request: Request) -> Detections:
@@ -39,6 +43,66 @@ def with_common_frames(detections: Detections, request: Request) -> Detections:
         return replace(aligned, rate_hz=nominal_rate_hz(aligned.frame_numbers, first_s))
     note = uneven_lengths(aligned) if aligned is detections else None
     return aligned if note is None or note in aligned.notes else replace(aligned, notes=(*aligned.notes, note))
+
+
+def replace_mismatched_timestamps(
+    detections: Detections, request: Request, stated: FrameRate | None
+) -> tuple[Detections, Request]:
+    """Replace timestamps found beside the files by a constant rate if they do not match the frames.
+
+    Args:
+        detections: Detections without times.
+        request: How to read them. Without timestamps found beside the files, nothing changes.
+        stated: Frame rate that files beside the keypoints state, or None.
+
+    Returns:
+        The detections, with a note if the timestamps or their rate do not match, and the request. A mismatch requires
+        equal numbers of frames and one rate, that of the timestamps or of the files.
+
+    Raises:
+        MatchError: If the timestamps belong to other views, and no common rate is known.
+        DetectionsError: If the numbers of frames do not match, and no common rate is known.
+    """
+    stamps = request.nearby
+    if stamps is None or not _has_no_times(detections):
+        return detections, request
+    rates_hz = [rate for each in stamps.by_view.values() if (rate := _rate_of(each)) is not None]
+    try:
+        with_timestamps(detections, stamps)
+    except (MatchError, DetectionsError) as error:
+        known_hz = [*rates_hz, *([stated.rate_hz] if stated is not None else [])]
+        lengths = detections.recorded.sum(axis=0)
+        if not known_hz or max(known_hz) > (1.0 + _SAME_RATE) * min(known_hz) or np.ptp(lengths):
+            raise
+        source, rate_hz = (stamps.source, rates_hz[0]) if stated is None else (stated.source, stated.rate_hz)
+        note = (
+            f"The timestamps in {stamps.source} do not match and are not used: {_reason(error)} All views have "
+            f"{lengths[0]} frames, so the frame rate of {source}, {rate_hz:.5g} Hz, is used."
+        )
+        timed = detections.with_rate(rate_hz)
+        return replace(timed, notes=(*timed.notes, note)), replace(request, nearby=None)
+    differing = [rate for rate in rates_hz if stated is not None and not _same_rate(rate, stated.rate_hz)]
+    if stated is not None and differing:
+        note = (
+            f"The timestamps in {stamps.source} are at {differing[0]:.4g} Hz, but {stated.source} states "
+            f"{stated.rate_hz:.4g} Hz. The timestamps are used; --rate-hz replaces them."
+        )
+        detections = replace(detections, notes=(*detections.notes, note))
+    return detections, request
+
+
+def _rate_of(stamps: ViewTimes) -> float | None:
+    numbers = np.arange(len(stamps.time_s)) if stamps.frames is None else stamps.frames
+    return nominal_rate_hz(numbers, stamps.time_s)
+
+
+def _same_rate(rate_hz: float, other_hz: float) -> bool:
+    return abs(rate_hz - other_hz) <= _SAME_RATE * other_hz
+
+
+def _reason(error: Exception) -> str:
+    """Return the first sentence of an error, which states what does not match."""
+    return str(error).split(". ")[0].removesuffix(".") + "."
 
 
 def _has_no_times(detections: Detections) -> bool:
