@@ -166,17 +166,22 @@ def _uncertainty(state: RefinementState, options: RefineOptions) -> Uncertainty:
 def _iterate(
     state: RefinementState, source: RecordingSource, options: RefineOptions, progress: Progress
 ) -> RefinementState:
-    """Repeat triangulation and adjustment until the cameras converge."""
-    for share in _POINT_SHARES:
-        previous = state.rig
+    """Repeat triangulation and adjustment until the cameras converge.
+
+    Every repetition beyond the planned ones leaves out at least one camera, and two remain, so the number is bounded.
+    """
+    shares = list(_POINT_SHARES)
+    while shares:
+        share = shares.pop(0)
         state, triangulated = _connected_cameras(state, source)
+        previous = state.rig
         state = _adjust_once(state, triangulated, source.n_frames, options, share)
         progress.advance(1)
         reasons = _cameras_to_leave_out(state, options, check_misfits=share == 1.0)
         if reasons:
-            state = state.without(reasons)
-            continue
-        if share == 1.0 and _has_converged(previous, state):
+            # The cameras that remain need an adjustment of their own.
+            state, shares = state.without(reasons), shares or [1.0]
+        elif share == 1.0 and _has_converged(previous, state):
             break
     return state
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from posefuse.calibration import checks, refine
 from posefuse.calibration.gauge import apply_similarity, pose_changes
 from posefuse.calibration.parameters import N_PARAMETERS, apply_changes
 from posefuse.errors import CalibrationError, MatchError, OptionsError
@@ -108,3 +109,34 @@ def test_undetermined_results_are_errors():
         refine_calibration(truth, small, ONE, RefineOptions(fix=("cam_9",)))
     with pytest.raises(OptionsError, match="must not name the same camera"):
         RefineOptions(fix=("a",), relocate=("a",))
+
+
+@pytest.mark.parametrize("repetition", [1, 3])
+def test_camera_that_loses_its_points_during_the_adjustment_is_left_out(repetition, monkeypatch):
+    calls, find = [], checks.find_disconnected
+
+    def lost(observations, n):
+        calls.append(n)
+        return {3: 5} if len(calls) == repetition else find(observations, n)
+
+    monkeypatch.setattr(checks, "find_disconnected", lost)
+    truth = ring(4)
+    result = refine_calibration(moved(truth, "cam_0", x_m=0.02), observe(truth), ONE)
+    assert result.rig.names == ("cam_0", "cam_1", "cam_2")
+    assert list(result.left_out) == ["cam_3"]
+
+
+@pytest.mark.parametrize("repetition", [1, 4])
+def test_cameras_that_remain_are_adjusted_again(repetition, monkeypatch):
+    calls = []
+
+    def misfit(state, options, *, check_misfits):
+        calls.append(check_misfits)
+        return {"cam_3": "it does not fit."} if len(calls) == repetition else {}
+
+    monkeypatch.setattr(refine, "_cameras_to_leave_out", misfit)
+    monkeypatch.setattr(refine, "_has_converged", lambda *_: False)
+    truth = ring(4)
+    result = refine_calibration(moved(truth, "cam_0", x_m=0.02), observe(truth), ONE)
+    assert result.rig.names == ("cam_0", "cam_1", "cam_2")
+    assert len(calls) == max(4, repetition + 1)
