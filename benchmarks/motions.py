@@ -43,7 +43,7 @@ def with_lasting_noise(data: Walk, seed: int = 3) -> Walk:
     Errors are correlated (0.85 between frames at 25 fps), have heavy tails, and grow with lower confidence.
     """
     rng = np.random.default_rng(seed)
-    exact = np.moveaxis(data.rig.project(data.points_m), 0, 1)
+    exact = data.rig.project(data.points_m)
     sizes = np.array([camera.size_px for camera in data.rig.cameras])
     law = DetectorOptions(outlier_share=0.0, swap_share=0.0)
     pixels, confidence = add_errors(exact, sizes, find_skeleton(data.skeleton), data.rate_hz, law, rng)

@@ -233,7 +233,7 @@ def is_unannotated(data: Mvor, frame: int, points_m: np.ndarray) -> np.ndarray:
         frame: number of the frame.
         points_m: shape (person, 10, 3).
     """
-    pixels = data.rig.project(points_m)
+    pixels = data.rig.project(points_m[None])[0]
     found = np.zeros(len(points_m), dtype=bool)
     for p in range(len(points_m)):
         n = max(int(np.isfinite(points_m[p]).all(axis=-1).sum()), 1)

@@ -134,7 +134,7 @@ def scene(
     rng = np.random.default_rng(seed)
     rig = ring(cameras)
     points = walking(n, rng) if walk else scattered(n, apart_m, rng)
-    pixels = np.moveaxis(rig.project(points), 0, 1)
+    pixels = rig.project(points)
     pixels = pixels + sigma_px * rng.standard_normal(pixels.shape)
     wrong = (rng.random((n, cameras)) < outlier)[..., None] & (rng.integers(0, 2, (n, cameras))[..., None] == [0, 1])
     pixels += wrong[..., None] * rng.uniform(-200.0, 200.0, pixels.shape)

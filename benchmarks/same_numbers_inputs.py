@@ -108,7 +108,7 @@ def wand(data: Path, output: Path) -> None:
     """Simulate a point at random places, with cameras whose calibration has wrong focal lengths."""
     rng, rig = np.random.default_rng(7), healthy(1, cameras=5).rig
     points_m = rng.uniform((-2.5, -2.5, 0.0), (2.5, 2.5, 2.4), (800, 3))
-    pixels = np.moveaxis(rig.project(points_m), 0, 1) + rng.normal(0.0, 0.5, (800, 5, 2))
+    pixels = rig.project(points_m) + rng.normal(0.0, 0.5, (800, 5, 2))
     sizes = np.array([camera.size_px for camera in rig.cameras])
     inside = ((pixels >= 0) & (pixels < sizes)).all(axis=-1, keepdims=True)
     pixels = np.where(inside, pixels, np.nan)[:, :, None]

@@ -105,7 +105,7 @@ def observe(
     missing_share: float = 0.0,
 ) -> Walk:
     """Simulate the detections of any motion, shape (frame, keypoint, 3), with the noise of :func:`walk`."""
-    pixels = np.moveaxis(rig.project(points_m), 0, 1)
+    pixels = rig.project(points_m)
     pixels = pixels + sigma_px * rng.standard_normal(pixels.shape)
     shape = pixels.shape[:-1]
     outlier = rng.random(shape) < outlier_share

@@ -34,7 +34,7 @@ time_s = np.arange(100) / 50
 swing = 0.5 * np.sin(2 * np.pi * 0.6 * time_s)
 bob = np.stack([0.8 * np.sin(swing), 0 * swing, 1.5 - 0.8 * np.cos(swing)], axis=-1)
 truth = np.stack([np.tile([0.0, 0.0, 1.5], (100, 1)), bob], axis=1)
-pixels = np.moveaxis(rig.project(truth), 0, 1) + np.random.default_rng(0).normal(0, 1.5, (100, 4, 2, 2))
+pixels = rig.project(truth) + np.random.default_rng(0).normal(0, 1.5, (100, 4, 2, 2))
 pixels[20:30, 0] = np.nan  # missing is NaN
 
 detections = posefuse.Detections.from_dense(skeleton, rig.names, pixels, rate_hz=50)

@@ -15,7 +15,7 @@ def covariance_of(rig: CameraRig, points_m: np.ndarray, observed: np.ndarray, si
     """Return covariances of points seen by the views in ``seen`` (..., view), shape (..., 3, 3)."""
     step = 1e-4
     shifted = np.stack([(rig.project(points_m + step * axis) - rig.project(points_m)) / step for axis in np.eye(3)])
-    jacobian = np.moveaxis(np.nan_to_num(shifted), (0, 1), (-1, -3))
+    jacobian = np.moveaxis(np.nan_to_num(shifted), (0, 2), (-1, -3))
     information = np.einsum("...v,...via,...vib->...ab", observed.astype(float), jacobian, jacobian) / sigma_px**2
     return np.linalg.inv(information + 1e-6 * np.eye(3))
 
@@ -38,7 +38,7 @@ def simulate_pairs(
     missing = two.sum(axis=-1) < 2
     points[missing] = np.nan
     entries = covariance[..., [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
-    expected = np.moveaxis(rig.project(np.nan_to_num(points)), 0, 3)
+    expected = np.moveaxis(rig.project(np.nan_to_num(points)), 1, 3)
 
     def cost(label: int, point: int) -> np.ndarray:
         off = np.square(pixels[:, :, label] - expected[:, :, point]).sum(axis=-1) / sigma_px**2

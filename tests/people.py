@@ -78,7 +78,7 @@ def _tracks(scene: CrowdScene, present: np.ndarray) -> Tracks:
 
 def _layer(scene: CrowdScene, tracks: Tracks, points: np.ndarray, source: Source) -> Layer:
     rows = tracks.rows(scene.detections)
-    pixels = np.moveaxis(scene.rig.project(points), 0, 2)
+    pixels = np.moveaxis(scene.rig.project(points), 1, 2)
     visible = np.where((rows >= 0)[..., None, None], np.asarray(scene.detections.keypoints_px)[rows], np.nan)
     error = np.linalg.norm(pixels - visible, axis=-1).transpose(0, 1, 3, 2)
     present = np.isfinite(points[..., 0])

@@ -50,7 +50,7 @@ def simulate_detections(
     rig: CameraRig, points_m: np.ndarray, rng: np.random.Generator, sigma_px: float = 2.0, rate_hz: float | None = 60.0
 ) -> Detections:
     """Return the detections of points (frame, keypoint, 3) with white noise."""
-    pixels = np.moveaxis(rig.project(points_m), 0, 1)
+    pixels = rig.project(points_m)
     pixels = pixels + sigma_px * rng.standard_normal(pixels.shape)
     confidence = rng.uniform(0.5, 0.9, pixels.shape[:-1])
     return Detections.from_dense(skeleton_of(points_m.shape[1]), rig.names, pixels, confidence, rate_hz=rate_hz)

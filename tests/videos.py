@@ -69,7 +69,7 @@ def exact_detections(result: Reconstruction) -> Detections:
     """Return the exact projections of a result as detections."""
     n_frames, people, keypoints, _ = result.layers["measured"].points_m.shape
     views = len(result.rig)
-    pixels = np.moveaxis(result.rig.project(np.asarray(result.layers["measured"].points_m)), 0, 1)
+    pixels = result.rig.project(np.asarray(result.layers["measured"].points_m))
     rows = n_frames * views * people
     return Detections(
         STICK,

@@ -121,7 +121,7 @@ class _FrameContext:
             state=np.asarray(now.tracks.state)[0],
             detection=np.asarray(now.tracks.detection)[0],
             pixels={
-                name: np.moveaxis(now.rig.project(np.asarray(each.points_m)[0]), 0, 1)
+                name: np.moveaxis(now.rig.project(np.asarray(each.points_m))[0], 0, 1)
                 for name, each in now.layers.items()
             },
             expected=in_image(now.rig, now.skeleton, points)[0],

@@ -37,7 +37,7 @@ def turned_recording(tmp_path, truth, rng) -> Path:
     folder.mkdir()
     skeleton = skeleton_of(8)
     points = rng.uniform([-1.5, -1.5, 0.0], [1.5, 1.5, 2.0], (40, 8, 3))
-    pixels = np.moveaxis(truth.project(points), 0, 1)
+    pixels = truth.project(points)
     pixels += rng.normal(0.0, 1.0, pixels.shape)
     native.write(Detections.from_dense(skeleton, truth.names, pixels, rate_hz=30.0), folder / "keypoints.nc")
     pose2sim.write(rotate_camera(truth), folder / "Calib.toml")

@@ -62,7 +62,7 @@ def points_m(rig: CameraRig, pixels: np.ndarray) -> np.ndarray:
 
 def errors_px(rig: CameraRig, pixels: np.ndarray) -> np.ndarray:
     """Return reprojection errors, shape (point, view)."""
-    return np.linalg.norm(np.moveaxis(rig.project(points_m(rig, pixels)), 0, 1) - pixels, axis=-1)
+    return np.linalg.norm(rig.project(points_m(rig, pixels)) - pixels, axis=-1)
 
 
 def read(calibration, keypoints, **options) -> tuple[CameraRig, np.ndarray]:
@@ -155,7 +155,7 @@ def test_operating_room(shared_data):
     assert (int(detected.offsets[-1]), detected.skeleton.name) == (4091, "coco_17")
     apart = []
     for f, truth in enumerate(data.truth_m):
-        projected = rig.project(truth) if len(truth) else np.empty((3, 0, 10, 2))
+        projected = rig.project(truth[None])[0] if len(truth) else np.empty((3, 0, 10, 2))
         for t, rows in enumerate(mvor.told_who(data, f)):
             for v in np.flatnonzero(rows >= 0):
                 first = int(detected.offsets[3 * f + v])

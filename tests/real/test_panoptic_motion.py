@@ -14,7 +14,7 @@ def check(scene: CrowdScene, points_m: np.ndarray) -> None:
     cell = np.repeat(np.arange(actual.n_frames * actual.n_views), actual.people_counts.ravel())
     frame, view = cell // actual.n_views, cell % actual.n_views
     person = scene.kind == Kind.PERSON
-    exact = scene.rig.project(points_m)[view, frame, scene.owner][person]
+    exact = scene.rig.project(points_m)[frame, view, scene.owner][person]
     error = np.linalg.norm(np.asarray(actual.keypoints_px)[person] - exact, axis=-1)
     # 4.5 px / c at 1000 px is 11.5 px at 1920 and c = 0.75; the median norm of two such errors is half as much again.
     assert np.nanmedian(error) == pytest.approx(18.0, abs=6.0)

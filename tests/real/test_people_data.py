@@ -23,7 +23,7 @@ def test_mvor_truth_reprojects(operating_room, shared_data):
     assert sum(len(each) for each in data.truth_m) == 1057
     errors = []
     for points, persons, annotated in zip(data.truth_m, data.persons, data.annotated_px, strict=True):
-        pixels = data.rig.project(points)
+        pixels = data.rig.project(points[None])[0]
         for v, of_view in enumerate(annotated):
             errors += [pixels[v, t] - of_view[person] for t, person in enumerate(persons) if person in of_view]
     assert np.nanmedian(np.linalg.norm(errors, axis=-1)) < 9.0

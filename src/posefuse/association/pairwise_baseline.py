@@ -184,7 +184,7 @@ def _with_covariance(
     status = np.where(both | (solved.status >= status_codes.POINT_MISSING), solved.status, status_codes.POINT_OUTLIER)
     used = solved.used & both[..., None]
     merged = np.where(both[..., None], merged, np.nan)
-    projected = np.moveaxis(rig.project(merged), 0, 2)
+    projected = np.moveaxis(rig.project(merged), 1, 2)
     taken = np.moveaxis(frame.keypoints_px[rows], 1, 2)
     error_px = np.linalg.norm(projected - taken, axis=-1)
     return GroupPoints(

@@ -61,7 +61,7 @@ def in_image(rig: CameraRig, skeleton: Skeleton, points_m: np.ndarray) -> np.nda
         points_m: shape (frame, person, keypoint, 3), NaN where missing.
     """
     core = [skeleton.index(name) for name in skeleton.core] or list(range(len(skeleton)))
-    pixels = np.moveaxis(rig.project(points_m[:, :, core]), 0, 2)
+    pixels = np.moveaxis(rig.project(points_m[:, :, core]), 1, 2)
     size = np.array([camera.size_px for camera in rig.cameras])[:, None]
     with np.errstate(invalid="ignore"):
         inside = ((pixels >= -0.5) & (pixels < size - 0.5)).all(axis=-1)

@@ -271,8 +271,16 @@ class CameraRig(PickledByFields):
         return CameraArrays(frozen(np.stack([camera.packed for camera in self.cameras])), distorted, fisheye)
 
     def project(self, points_m: np.ndarray) -> np.ndarray:
-        """Project world points into every view: (..., 3) in meters to (view, ..., 2) in px, NaN where undefined."""
-        return np.stack([camera.project(points_m)[0] for camera in self.cameras])
+        """Project world points into every view.
+
+        Args:
+            points_m: shape (3,) for one point, otherwise (frame, ..., 3): the first axis is the frame. World
+                coordinates in meters.
+
+        Returns:
+            Pixels, shape (view, 2) for one point, otherwise (frame, view, ..., 2), NaN where undefined.
+        """
+        return np.stack([camera.project(points_m)[0] for camera in self.cameras], axis=min(np.ndim(points_m) - 1, 1))
 
 
 def lens_from_opencv(

@@ -100,7 +100,7 @@ def _observations(plan: Plan, start: int, stop: int) -> TriangulatedObservations
     confidence[present] = np.asarray(detections.confidence)[rows[present]]
     # (frame, person, keypoint, view)
     pixels, confidence = np.moveaxis(pixels, 2, 3), np.moveaxis(confidence, 2, 3)
-    projected = np.moveaxis(plan.rig.project(points), 0, 3)
+    projected = np.moveaxis(plan.rig.project(points), 1, 3)
     error = np.linalg.norm(projected - pixels, axis=-1)
     seen = np.isfinite(error) & ~(confidence < plan.options.triangulation.min_confidence)
     seen &= seen.sum(axis=-1, keepdims=True) >= 2

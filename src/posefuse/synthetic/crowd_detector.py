@@ -68,9 +68,9 @@ def detect_crowd(
 
 def _exact(rig: CameraRig, points_m: np.ndarray, staging: Staging) -> np.ndarray:
     """Project into the cameras with their true poses, shape (frame, view, person, keypoint, 2)."""
-    exact = np.moveaxis(rig.project(points_m), 0, 1)
+    exact = rig.project(points_m)
     if staging.turned.any():
-        turned = np.moveaxis(staging.turned_rig.project(points_m), 0, 1)
+        turned = staging.turned_rig.project(points_m)
         exact = np.where(staging.turned[:, :, None, None, None], turned, exact)
     return np.ascontiguousarray(exact)
 

@@ -160,7 +160,7 @@ def missing_views(
         settings: Settings of the tracker.
     """
     options = settings.options.lifecycle
-    pixels = settings.rig.project(points_m[settings.core])
+    pixels = settings.rig.project(points_m[None, settings.core])[0]
     in_image = ((pixels >= 0.0) & (pixels < settings.sizes_px[:, None])).all(axis=-1)
     inside = in_image.mean(axis=-1) >= options.visible_share
     occluded = is_occluded(pixels, rows, frame, options.occluded_share)

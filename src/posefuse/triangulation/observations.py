@@ -80,7 +80,7 @@ class Observations:
 
     def errors_px(self, points_m: np.ndarray) -> np.ndarray:
         """Return the reprojection error of every observation, shape (point, view), NaN where there is none."""
-        return np.linalg.norm(np.moveaxis(self.rig.project(points_m), 0, -2) - self.pixels, axis=-1)
+        return np.linalg.norm(self.rig.project(points_m) - self.pixels, axis=-1)
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ def detect(
 ) -> tuple[Frame, np.ndarray]:
     """Return a frame of people in random order, and each row's person; ``hidden`` (person, view) are not detected."""
     rng = np.random.default_rng(seed)
-    pixels = rig.project(points_m) + sigma_px * rng.standard_normal((len(rig), *points_m.shape[:2], 2))
+    pixels = rig.project(points_m[None])[0] + sigma_px * rng.standard_normal((len(rig), *points_m.shape[:2], 2))
     order = [[p for p in rng.permutation(len(points_m)) if (p, v) not in hidden] for v in range(len(rig))]
     frame = Frame.of_people(
         [pixels[v, order[v]] for v in range(len(rig))], [np.ones((len(each), len(SKELETON))) for each in order], 0.0

@@ -149,7 +149,7 @@ class TestGroups:
         assert len(propose_in(lone, rig)) == 1
         pixels = rig.project(truth[:1])
         far = rig.cameras[0].center_m + 0.5 * (truth[0] - rig.cameras[0].center_m)
-        assert np.abs(rig.project(far)[0] - pixels[0, 0]).max() < 1e-6
+        assert np.abs(rig.project(far)[:, 0] - pixels[0, 0]).max() < 1e-6
         assert len(propose_in(lone, rig, known_m=far[None])) == 0
 
     def test_no_person_is_proposed_outside_the_volume(self):

@@ -15,7 +15,7 @@ def observe(rig: CameraRig, seed: int = 0, frames: int = 40, keypoints: int = 10
     """Return noisy observations of random points in every frame."""
     rng = np.random.default_rng(seed)
     points = rng.uniform([-1.5, -1.5, 0.0], [1.5, 1.5, 2.0], (frames, keypoints, 3))
-    pixels = np.moveaxis(rig.project(points), 0, 1)
+    pixels = rig.project(points)
     pixels += rng.normal(0.0, NOISE_PX, pixels.shape)
     names = tuple(f"point_{k}" for k in range(keypoints))
     return Detections.from_dense(Skeleton("points", names), rig.names, pixels, rate_hz=30.0)

@@ -17,7 +17,7 @@ def test_adjustment_without_noise_is_exact(rng):
     pixels = truth.project(points)
     view, point = np.tile([0, 1, 2], 80), np.repeat(np.arange(80), 3)
     observed = PointObservations(
-        view, point, pixels[view, point], np.ones(240), points + 0.01, np.arange(80), np.zeros(80, dtype=np.int64)
+        view, point, pixels[point, view], np.ones(240), points + 0.01, np.arange(80), np.zeros(80, dtype=np.int64)
     )
     start = moved(truth, "cam_1", y_rad=0.02, x_m=0.05)
     done = adjust(start, observed, FreeParameters.of(start, "extrinsics", ("cam_0",)), 20.0)

@@ -98,7 +98,7 @@ def test_undetermined_results_are_errors():
     small = Detections.from_dense(
         Skeleton("points", ("a", "b", "c", "d")),
         truth.names,
-        np.moveaxis(truth.project(np.random.default_rng(0).uniform(0.9, 1.0, (80, 4, 3))), 0, 1)
+        truth.project(np.random.default_rng(0).uniform(0.9, 1.0, (80, 4, 3)))
         + np.random.default_rng(1).normal(0.0, 3.0, (80, 4, 4, 2)),
     )
     with pytest.raises(CalibrationError, match="do not determine focal length and distortion"):

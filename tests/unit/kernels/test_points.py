@@ -53,7 +53,7 @@ def triangulate(
 
 
 def noisy(rig: CameraRig, points_m: np.ndarray, rng: np.random.Generator, sigma_px: float = 2.0) -> np.ndarray:
-    pixels = np.moveaxis(rig.project(points_m), 0, 1)
+    pixels = rig.project(points_m)
     return pixels + sigma_px * rng.standard_normal(pixels.shape)
 
 
@@ -101,7 +101,7 @@ def test_view_errors_are_true_pixel_distances(rng):
     truth = body_points(rng, 2, 5)
     pixels = noisy(rig, truth, rng, 5.0)
     out = triangulate(rig, pixels)
-    projected = np.moveaxis(rig.project(out["points"]), 0, 1)
+    projected = rig.project(out["points"])
     expected = np.linalg.norm(projected - pixels, axis=-1)
     np.testing.assert_allclose(np.moveaxis(out["view_errors_px"], -1, 1), expected, rtol=1e-5)
 
@@ -246,7 +246,7 @@ def test_confidence_weights_views(rng):
     rig = ring(4)
     truth = body_points(rng, 2, 3)
     confidence = rng.uniform(0.2, 1.0, (2, 4, 3))
-    pixels = np.moveaxis(rig.project(truth), 0, 1)
+    pixels = rig.project(truth)
     pixels = pixels + (2.0 / confidence)[..., None] * rng.standard_normal(pixels.shape)
     out = triangulate(rig, pixels, confidence, exponent=1.0)
     for f in range(2):

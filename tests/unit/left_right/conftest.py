@@ -56,7 +56,7 @@ def simulate_walk(
     observed = np.repeat(truth[:, None], cameras, axis=1)
     detections = detect(rig, observed, keypoints, RATE_HZ, errors, rng)
     columns = keypoints.pair_indices
-    pixels = np.moveaxis(rig.project(truth), 0, 1)
+    pixels = rig.project(truth)
     off = np.linalg.norm(detections.dense()[0][:, :, columns] - pixels[:, :, columns][..., ::-1, :], axis=-1).sum(-1)
     as_is = np.linalg.norm(detections.dense()[0][:, :, columns] - pixels[:, :, columns], axis=-1).sum(axis=-1)
     pairs = simulate_pairs(rig, truth, detections, 5.0, rng)

@@ -133,7 +133,11 @@ class TestRig:
         with pytest.raises(MatchError, match=r"No camera 'cam1'.*Did you mean 'cam_1'"):
             rig.index("cam1")
 
-    def test_projection_stacks_views(self, rng):
+    @pytest.mark.parametrize("shape", [(), (4,), (4, 2), (4, 5, 2), (1,), (0, 2)])
+    def test_projection_has_the_view_after_the_frame(self, shape, rng):
         rig = ring(3)
-        points = rng.uniform(-0.5, 0.5, (4, 2, 3))
-        assert rig.project(points).shape == (3, 4, 2, 2)
+        points = rng.uniform(-0.5, 0.5, (*shape, 3))
+        pixels = rig.project(points)
+        assert pixels.shape == (*shape[:1], 3, *shape[1:], 2)
+        for v, camera in enumerate(rig.cameras):
+            np.testing.assert_array_equal(pixels[:, v] if shape else pixels[v], camera.project(points)[0])

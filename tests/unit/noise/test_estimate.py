@@ -31,7 +31,7 @@ def test_noise_is_estimated_with_a_confidence_exponent(rng):
     rig = ring(4)
     truth = body_points(rng, 300)
     confidence = rng.uniform(0.3, 1.0, (300, 4, 17))
-    pixels = np.moveaxis(rig.project(truth), 0, 1)
+    pixels = rig.project(truth)
     pixels = pixels + (3.0 / confidence)[..., None] * rng.standard_normal(pixels.shape)
     detections = Detections.from_dense(skeleton_of(17), rig.names, pixels, confidence)
     options = Options(triangulation=TriangulationOptions(confidence_exponent=1.0))
@@ -43,7 +43,7 @@ def test_noise_is_estimated_with_a_confidence_exponent(rng):
 def test_outliers_change_the_estimate_little_with_any_number_of_views(views, share, most, rng):
     rig = ring(views)
     truth = body_points(rng, 300)
-    pixels = np.moveaxis(rig.project(truth), 0, 1) + 2.0 * rng.standard_normal((300, views, 17, 2))
+    pixels = rig.project(truth) + 2.0 * rng.standard_normal((300, views, 17, 2))
     wrong = rng.random(pixels.shape[:-1]) < share
     angle = rng.uniform(0, 2 * np.pi, pixels.shape[:-1])
     away = (wrong * rng.uniform(30, 300, wrong.shape))[..., None]
@@ -63,7 +63,7 @@ def test_many_outliers_change_the_estimate_little(views, share):
 def test_cameras_have_different_scales_where_noise_differs(rng):
     data = walk(200)
     noisier = np.array([1.0, 1.0, 2.5, 1.0, 1.5])
-    pixels = np.moveaxis(data.rig.project(data.points_m), 0, 1)
+    pixels = data.rig.project(data.points_m)
     pixels = pixels + 2.0 * noisier[:, None, None] * rng.standard_normal(pixels.shape)
     result = reconstruct(data.rig, replace(data, pixels=pixels).detections)
     np.testing.assert_allclose(result.noise.scale_px, 2.0 * noisier, rtol=0.25)
@@ -80,7 +80,7 @@ def test_constant_camera_error_is_not_counted_as_noise(rng):
 
 def test_confidence_regions_have_the_stated_coverage_under_heavy_tails(rng):
     data = walk(300)
-    pixels = np.moveaxis(data.rig.project(data.points_m), 0, 1)
+    pixels = data.rig.project(data.points_m)
     pixels = pixels + 2.0 * rng.standard_t(3.0, pixels.shape)
     result = reconstruct(data.rig, replace(data, pixels=pixels).detections)
     assert result.noise.spread > 1.05
@@ -93,7 +93,7 @@ def test_confidence_regions_have_the_stated_coverage_under_heavy_tails(rng):
 
 def test_point_beyond_the_fold_of_a_lens_is_tolerated(rng):
     rig = build_rig("ring", 4, "barrel")
-    pixels = np.moveaxis(rig.project(body_points(rng, 60)), 0, 1) + rng.standard_normal((60, 4, 17, 2))
+    pixels = rig.project(body_points(rng, 60)) + rng.standard_normal((60, 4, 17, 2))
     pixels[7, :, 3] = [[1825.77, 639.55], [111.71, 688.24], [643.61, 464.68], [1437.14, 416.14]]
     result = reconstruct(rig, Detections.from_dense(skeleton_of(17), rig.names, pixels))
     layer = result.layers["measured"]
@@ -122,7 +122,7 @@ def test_error_model_is_calibrated_by_leaving_views_out(exponent, nu, rng):
     truth = body_points(rng, 300)
     confidence = rng.uniform(0.3, 1.0, (300, 5, 17))
     error = rng.standard_normal((300, 5, 17, 2)) / np.sqrt(rng.chisquare(nu, confidence.shape) / nu)[..., None]
-    pixels = np.moveaxis(rig.project(truth), 0, 1) + (3.0 / confidence**exponent)[..., None] * error
+    pixels = rig.project(truth) + (3.0 / confidence**exponent)[..., None] * error
     noise = calibrate_noise(rig, Detections.from_dense(skeleton_of(17), rig.names, pixels, confidence))
     assert noise.origin == "calibrated"
     assert noise.exponent == pytest.approx(exponent, abs=0.1)

@@ -79,7 +79,7 @@ class TestOneCamera:
 
     def test_depth_of_the_detector_is_used(self, rng):
         rig = ring(1)
-        pixels = np.moveaxis(rig.project(body_points(rng, 4)), 0, 1)
+        pixels = rig.project(body_points(rng, 4))
         depth = rng.normal(size=(4, 1, 17))
         depth[2, 0, 3] = np.nan
         detections = Detections.from_dense(skeleton_of(17), rig.names, pixels, depth=depth)

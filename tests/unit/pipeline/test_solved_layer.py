@@ -66,7 +66,7 @@ def test_measured_layer_is_unchanged_and_sources_are_correct(scene):
 def test_reprojection_errors_are_those_of_the_processed_points(scene):
     result = with_gaps(scene, smooth=("butterworth",))
     solved = result.layers["solved"]
-    pixels = np.moveaxis(result.rig.project(np.asarray(solved.points_m)), 0, 3)
+    pixels = np.moveaxis(result.rig.project(np.asarray(solved.points_m)), 1, 3)
     rows = result.tracks.rows(scene.detections)
     seen_px = np.asarray(scene.detections.keypoints_px)[np.maximum(rows, 0)].transpose(0, 1, 3, 2, 4)
     by_hand = np.linalg.norm(pixels - seen_px, axis=-1)

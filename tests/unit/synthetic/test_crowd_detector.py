@@ -41,7 +41,7 @@ class TestDetector:
     def test_errors_have_their_scale_and_correlation_time_and_are_independent(self):
         scene = self.of_still_people(DetectorOptions(outlier_share=0, miss_share=0, swap_share=0))
         frame, view = cells_of(scene)
-        exact = scene.rig.project(points_of(scene))[view, frame, scene.owner]
+        exact = scene.rig.project(points_of(scene))[frame, view, scene.owner]
         unit = (np.asarray(scene.detections.keypoints_px) - exact) * np.asarray(scene.detections.confidence)[..., None]
         unit = (unit / (4.5 * 1.92)).reshape(3000, 5, 2, 20, 2)
         assert np.nanmedian(np.abs(unit)) == pytest.approx(0.769, rel=0.05)  # of Student's t with 2.7 degrees

@@ -41,7 +41,7 @@ def errors_of(scene: CrowdScene, rig=None) -> np.ndarray:
     """Shape (row, keypoint), px: from the owner's true projection; NaN where there is none."""
     frame, view = cells_of(scene)
     exact = (rig or scene.rig).project(points_of(scene))
-    error = np.linalg.norm(np.asarray(scene.detections.keypoints_px) - exact[view, frame, scene.owner], axis=-1)
+    error = np.linalg.norm(np.asarray(scene.detections.keypoints_px) - exact[frame, view, scene.owner], axis=-1)
     error[scene.owner < 0] = np.nan
     return error
 

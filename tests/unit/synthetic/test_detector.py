@@ -70,7 +70,7 @@ class TestDetector:
         options = DetectorOptions("gaussian", 0.0, outlier_share=0, miss_share=0, swap_share=0.3)
         scene = simulate(SceneOptions(skeleton="coco_17", duration_s=10, detector=options))
         pixels, _ = scene.detections.dense()
-        truth = np.moveaxis(scene.rig.project(scene.truth.layers["measured"].points_m[:, 0]), 0, 1)
+        truth = scene.rig.project(scene.truth.layers["measured"].points_m[:, 0])
         skeleton = scene.truth.skeleton
         leg = [skeleton.index(name) for pair in skeleton.chains["leg"] for name in pair]
         mirrored = truth[:, :, skeleton.mirror]
@@ -84,7 +84,7 @@ class TestDetector:
         errors = DetectorOptions("gaussian", 0.0, outlier_share=0, miss_share=0, **options)  # type: ignore[arg-type]
         scene = simulate(SceneOptions(skeleton="coco_17", duration_s=40, cameras=4, detector=errors))
         pixels, _ = scene.detections.dense()
-        truth = np.moveaxis(scene.rig.project(scene.truth.layers["measured"].points_m[:, 0]), 0, 1)
+        truth = scene.rig.project(scene.truth.layers["measured"].points_m[:, 0])
         skeleton = scene.truth.skeleton
         left = [skeleton.index(name) for name, _ in skeleton.pairs]
         return ~np.isclose(pixels[:, :, left], truth[:, :, left], atol=1e-6).all(axis=-1)

@@ -40,7 +40,7 @@ def unit(vectors: np.ndarray) -> np.ndarray:
 
 def exact_pixels(rig: CameraRig, points_m: np.ndarray) -> np.ndarray:
     """Shape (frame, view, keypoint, 2)."""
-    return np.moveaxis(rig.project(points_m), 0, 1)
+    return rig.project(points_m)
 
 
 def measured(

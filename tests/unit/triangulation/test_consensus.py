@@ -23,7 +23,7 @@ from .conftest import errors_mm, triangulate_walk
 def bounded_cost(data: Walk, points_m: np.ndarray, sigma_px: np.ndarray) -> np.ndarray:
     """Return the cost that consensus minimizes, in squared standard deviations, shape (frame, keypoint)."""
     full, zero = 2.5**2, 5.0**2
-    projected = np.moveaxis(data.rig.project(points_m), 0, 1)
+    projected = data.rig.project(points_m)
     squared = (np.square(projected - data.pixels).sum(axis=-1)) / np.square(sigma_px[:, None])
     weight_root = 1.0 - np.clip((squared - full) / (zero - full), 0.0, 1.0)
     return (np.minimum(squared, full) + (zero - full) * (1.0 - weight_root**3) / 3.0).sum(axis=1)
@@ -77,7 +77,7 @@ def test_two_equal_consensus_sets_are_undecided():
     """Four views see one point and four another."""
     rig = ring(8)
     one, other = np.array([[0.2, 0.1, 1.0]]), np.array([[-0.3, 0.0, 1.2]])
-    pixels = np.concatenate([rig.project(one)[:4], rig.project(other)[4:]])[None]
+    pixels = np.concatenate([rig.project(one)[:, :4], rig.project(other)[:, 4:]], axis=1)[:, :, None]
     pixels = pixels + np.random.default_rng(0).normal(0, 1.0, pixels.shape)
     detections = Detections.from_dense(skeleton_of(1), rig.names, pixels)
     layer = triangulate(rig, detections, Options(noise_scale_px=1.0)).layers["measured"]
@@ -103,7 +103,7 @@ def test_doubtful_statuses_predict_wrong_points():
 @pytest.mark.filterwarnings("ignore:The views do not agree")
 def test_two_contradicting_views_give_no_point():
     rig = ring(5).select(["cam_0", "cam_1"])
-    pixels = rig.project(np.array([[0.2, 0.1, 1.0]]))[None].copy()
+    pixels = rig.project(np.array([[[0.2, 0.1, 1.0]]]))
     pixels[0, 1] += [0.0, 150.0]
     detections = Detections.from_dense(skeleton_of(1), rig.names, pixels)
     layer = triangulate(rig, detections, Options(noise_scale_px=2.0)).layers["measured"]

@@ -15,7 +15,7 @@ def observed(rng, lens="pinhole", views=5, n=300):
     """Return noisy observations and the true points."""
     rig = ring(views, lens)
     truth = body_points(rng, n, 1)[:, 0]
-    pixels = np.moveaxis(rig.project(truth), 0, 1)
+    pixels = rig.project(truth)
     pixels = pixels + SIGMA_PX * rng.standard_normal(pixels.shape)
     return Observations(rig, NoiseModel(np.full(views, SIGMA_PX)), pixels, np.full(pixels.shape[:2], np.nan)), truth
 

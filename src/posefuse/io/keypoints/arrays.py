@@ -2,7 +2,8 @@
 
 The file does not state the meaning of a third channel; ``third_channel`` must define it. An ``.npz`` contains the array
 as ``keypoints`` (or as its only array), and optionally ``confidence`` [camera, frame, keypoint], ``names`` of the
-cameras and ``rate_hz``. NaN is missing. An array [camera, frame, 2] contains one point per frame without a skeleton.
+cameras and ``rate_hz``. NaN is missing. An array [camera, frame, 2] or [camera, frame, 1, 2] contains one point per
+frame without a skeleton.
 """
 
 from dataclasses import replace
@@ -42,10 +43,6 @@ def read(path: Path, request: Request) -> Detections:
         raise FileError(
             f"{path} contains {choices(content)}; the keypoint array must be called 'keypoints' or be the only array."
         )
-    if keypoints.ndim == 3 and keypoints.shape[2] == 2:
-        # [camera, frame, 2]: one point per frame, such as that of a wand.
-        keypoints = keypoints[:, :, None]
-        request = replace(request, skeleton=request.skeleton or Skeleton("point", ("point",)))
     n_cameras = keypoints.shape[0] if keypoints.ndim else 0
     names = [str(name) for name in content.get("names", range(n_cameras))]
     rate = request.rate_hz or _rate(path, content.get("rate_hz"))
@@ -64,7 +61,7 @@ def from_array(
 
     Args:
         path: The file, for messages.
-        keypoints: Shape (camera, frame, keypoint, 2 or 3), px, or (camera, point, 2).
+        keypoints: Shape (camera, frame, keypoint, 2 or 3), px, or (camera, frame, 2) of a single point.
         view_names: Names of the cameras.
         rate_hz: Frame rate, or None.
         request: Skeleton and meaning of the third channel.
@@ -76,9 +73,11 @@ def from_array(
         SkeletonError: If the number of keypoints does not identify a skeleton.
     """
     if keypoints.ndim == 3 and keypoints.shape[-1] == 2:
-        # Single points without a skeleton, each seen by some of the cameras.
         keypoints = keypoints[:, :, None]
-        request = replace(request, skeleton=request.skeleton or Skeleton("point", ("point",)))
+        confidence = confidence if confidence is None or confidence.ndim != 2 else confidence[..., None]
+    if keypoints.ndim == 4 and keypoints.shape[2] == 1 and request.skeleton is None:
+        # One point per frame without a skeleton, such as that of a wand.
+        request = replace(request, skeleton=Skeleton("point", ("point",)))
     if keypoints.ndim != 4 or keypoints.shape[-1] not in (2, 3) or keypoints.dtype.kind not in "fiu":
         raise FileError(
             f"{path}: expected numbers [camera, frame, keypoint, 2 or 3], got {keypoints.dtype} of shape "

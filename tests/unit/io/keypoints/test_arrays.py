@@ -46,6 +46,17 @@ class TestArrays:
         np.testing.assert_array_equal(np.asarray(values).reshape(detections.n_frames, 3, 26), np.moveaxis(third, 0, 1))
         assert (detections.depth is None) == (meaning == "confidence")
 
+    @pytest.mark.parametrize("shape", [(3, 20), (3, 20, 1)])
+    @pytest.mark.parametrize("suffix", [".npy", ".npz"])
+    def test_one_point_per_frame_needs_no_skeleton(self, shape, suffix, rng, tmp_path):
+        pixels, path = rng.uniform(0, 1000, (*shape, 2)), tmp_path / f"wand{suffix}"
+        extra = {} if suffix == ".npy" else {"confidence": np.full(shape, 0.5)}
+        np.save(path, pixels) if suffix == ".npy" else np.savez(path, keypoints=pixels, **extra)
+        detections = read_detections(path)
+        assert detections.skeleton.keypoints == ("point",)
+        np.testing.assert_array_equal(detections.dense()[0][:, :, 0], np.moveaxis(pixels.reshape(3, 20, 2), 0, 1))
+        assert suffix == ".npy" or (np.asarray(detections.confidence) == 0.5).all()
+
     def test_npz_with_names_rate_and_confidence(self, pixels, tmp_path):
         path = tmp_path / "points.npz"
         np.savez(path, keypoints=pixels, names=["a", "b", "c"], rate_hz=25.0, confidence=np.full(pixels.shape[:3], 0.5))

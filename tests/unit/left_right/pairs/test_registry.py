@@ -165,7 +165,7 @@ def test_both_labels_on_one_limb_give_one_point():
     pixels = data.pixels.copy()
     pixels[:, 2, 1] = pixels[:, 2, 0] + 3.0 * rng.standard_normal((200, 2))
     result = solved(replace(data, pixels=pixels), enumerated.solve)
-    projected = data.rig.project(data.points_m)[2]
+    projected = data.rig.project(data.points_m)[:, 2]
     clear = np.linalg.norm(projected[:, 0] - projected[:, 1], axis=-1) > 60.0
     assert clear.sum() > 50
     right = np.where((result.used[:, 0, 0, 0] == 0)[:, None], [0, 1], [1, 0])[:, 1]

@@ -35,7 +35,7 @@ def two_blobs(n: int, skeleton: Skeleton, rng: np.random.Generator):
     way = 0.3 * np.sin(np.arange(n)[:, None] / 20.0 + np.array([0.0, 1.0, 2.0]))
     centers = np.stack([way + np.array([0.8, 0.0, 0.9]), way + np.array([-0.8, 0.0, 0.9])], axis=1)
     points = centers[:, :, None] + shape
-    pixels = np.moveaxis(rig.project(points), 0, 1) + rng.normal(0.0, 1.0, (n, 4, 2, 6, 2))
+    pixels = rig.project(points) + rng.normal(0.0, 1.0, (n, 4, 2, 6, 2))
     rows, counts = [], []
     for frame in range(n):
         for view in range(4):

@@ -48,7 +48,7 @@ def test_each_image_shows_the_skeletons_of_its_frame(result, video, tmp_path):
     assert (written.n_images, written.n_drawn, written.notes) == (N_FRAMES, N_FRAMES, ())
     pictures = images_of(tmp_path / "cam0_overlay.mp4")
     assert codes_of(pictures) == list(range(N_FRAMES))
-    pixels = result.rig.project(np.asarray(result.layers["measured"].points_m))[0]
+    pixels = result.rig.project(np.asarray(result.layers["measured"].points_m))[:, 0]
     for f, picture in enumerate(pictures):
         assert picture.shape == (SIZE_PX[1], SIZE_PX[0], 3)
         for p in range(2):
@@ -83,7 +83,7 @@ def test_other_rates_are_matched_by_time(result, tmp_path, rate_hz, n, frames):
     (written,) = write_overlays(result, {"cam0": video}, tmp_path / "out")
     pictures = images_of(tmp_path / "out" / "cam0_overlay.mp4")
     assert (len(pictures), written.n_drawn) == (frames, frames)
-    pixels = result.rig.project(np.asarray(result.layers["measured"].points_m))[0]
+    pixels = result.rig.project(np.asarray(result.layers["measured"].points_m))[:, 0]
     for i in range(0, n, 2):
         f = round(i * RATE_HZ / rate_hz)
         assert has_color(pictures[i], pixels[f, 0, 1], PEOPLE[0])
@@ -94,7 +94,7 @@ def test_offset_shifts_the_video(result, video, tmp_path):
     (written,) = write_overlays(result, {"cam0": video}, tmp_path, options)
     pictures = images_of(written.path)
     assert codes_of(pictures) == list(range(N_FRAMES - 3))
-    pixels = result.rig.project(np.asarray(result.layers["measured"].points_m))[0]
+    pixels = result.rig.project(np.asarray(result.layers["measured"].points_m))[:, 0]
     assert has_color(pictures[0], pixels[3, 0, 1], PEOPLE[0])
 
 
@@ -105,7 +105,7 @@ def test_synchronized_views_are_drawn_synchronized(result, video, tmp_path):
         (written,) = write_overlays(synchronized, {"cam0": video}, tmp_path / match, OverlayOptions(match=match))
         pictures = images_of(written.path)
         assert codes_of(pictures) == list(range(N_FRAMES - 2))
-        pixels = result.rig.project(np.asarray(result.layers["measured"].points_m))[0]
+        pixels = result.rig.project(np.asarray(result.layers["measured"].points_m))[:, 0]
         assert has_color(pictures[0], pixels[2, 0, 1], PEOPLE[0])
 
 
@@ -135,7 +135,7 @@ def test_mosaic(result, video, tmp_path):
     assert codes_of([picture[:, : SIZE_PX[0]] for picture in pictures]) == list(range(N_FRAMES))
     pixels = result.rig.project(np.asarray(result.layers["measured"].points_m))
     for view in range(2):
-        assert has_color(pictures[6], pixels[view, 6, 1, 1] + np.array([view * SIZE_PX[0], 0]), PEOPLE[1])
+        assert has_color(pictures[6], pixels[6, view, 1, 1] + np.array([view * SIZE_PX[0], 0]), PEOPLE[1])
 
 
 def test_same_input_gives_the_same_bytes(result, video, tmp_path):
@@ -152,7 +152,7 @@ def test_other_image_size_is_an_error_unless_rescaled(tmp_path):
         write_overlays(result, {"cam0": video}, tmp_path / "out")
     assert not (tmp_path / "out").exists()
     (written,) = write_overlays(result, {"cam0": video}, tmp_path / "out", OverlayOptions(rescale=True))
-    pixels = result.rig.project(np.asarray(result.layers["measured"].points_m))[0]
+    pixels = result.rig.project(np.asarray(result.layers["measured"].points_m))[:, 0]
     assert has_color(images_of(written.path)[4], (pixels[4, 0, 1] + 0.5) / 2 - 0.5, PEOPLE[0])
     tall = coded_video(tmp_path / "tall.mp4", size_px=(480, 640))
     with pytest.raises(ResultError, match="rotated by 90 degrees"):
