@@ -116,7 +116,7 @@ def test_method_without_effect_gives_a_note(run, ugly_recording, tmp_path):
     output = " ".join(output.split())
     assert code == 0
     assert output.count("weighted_subsets drops no camera: min_views is 3 and the rig has 3 cameras") == 1
-    assert output.count("percentile_filter does not run: min_views is 3 and the rig has 3 cameras") == 1
+    assert output.count("percentile_filter does not run: min_views_left is 3 and the rig has 3 cameras") == 1
     code, output, _ = run(
         "reconstruct", ugly_recording, "-o", tmp_path / "o", "--triangulation.method", "weighted_subsets", *cameras
     )

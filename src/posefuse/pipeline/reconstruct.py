@@ -1,6 +1,7 @@
 """The recipe of a reconstruction: from a rig and detections to a plan and its result."""
 
 import warnings
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
@@ -22,6 +23,7 @@ from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.options.options import Options
 from posefuse.model.options.postprocess import PostprocessOptions
 from posefuse.model.reconstruction import Provenance, Reconstruction
+from posefuse.model.tracks import Tracks
 from posefuse.noise.estimate import estimate_noise, fixed_noise
 from posefuse.noise.samples import sample_spans, take_samples
 from posefuse.noise.scales import assumed_noise
@@ -201,8 +203,11 @@ def _with_fitted_method(plan: Plan) -> Plan:
     method = find_method(plan.options.triangulation.method)
     if method.prepare is None or len(plan.rig) == 1:
         return plan
-    spans = ranges(plan.detections.n_frames, CHUNK_FRAMES)
-    pieces = ((plan.detections.frames(*span), plan.subjects.tracks(*span)) for span in spans)
+
+    def pieces() -> Iterator[tuple[Detections, Tracks]]:
+        for span in ranges(plan.detections.n_frames, CHUNK_FRAMES):
+            yield plan.detections.frames(*span), plan.subjects.tracks(*span)
+
     triangulation, notes = method.prepare(plan.rig, pieces, plan.noise, plan.options.triangulation)
     options = replace(plan.options, triangulation=triangulation)
     return replace(plan, options=options, provenance=plan.provenance.with_notes(notes), method_notes=notes)

@@ -33,15 +33,15 @@ class Solve(Protocol):
         ...
 
 
+Pieces = Callable[[], Iterable[tuple[Detections, Tracks]]]
+"""Returns the ranges of frames of a recording, from its first frame; one range is in memory at a time."""
+
+
 class Prepare(Protocol):
-    """Signature of a method's preparation, which sees the whole recording."""
+    """Signature of a method's preparation, which sees the whole recording, as often as it needs to."""
 
     def __call__(
-        self,
-        rig: CameraRig,
-        pieces: Iterable[tuple[Detections, Tracks]],
-        noise: NoiseModel,
-        options: TriangulationOptions,
+        self, rig: CameraRig, pieces: Pieces, noise: NoiseModel, options: TriangulationOptions
     ) -> tuple[TriangulationOptions, tuple[str, ...]]:
         """Return the resolved options and notes for the user."""
         ...

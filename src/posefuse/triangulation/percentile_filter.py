@@ -4,7 +4,7 @@ Source: FreeMoCap's documentation, "Reprojection Error Filtering" (in the progra
 differs, the documentation is followed; docs/methods lists the differences.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -17,42 +17,45 @@ from posefuse.model.reconstruction import Layer
 from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.model.tracks import Tracks
 from posefuse.triangulation import simple
-from posefuse.triangulation.method import DebugFigure, Method
+from posefuse.triangulation.exact_percentile import exact_percentile
+from posefuse.triangulation.method import DebugFigure, Method, Pieces
 from posefuse.triangulation.observations import Observations
 from posefuse.triangulation.results import FlatLayer, rows_by_person_frame
 
 
 def runs(rig: CameraRig, options: TriangulationOptions) -> bool:
     """Return whether a threshold is set and there are cameras to drop; the options must be resolved."""
-    assert options.min_views is not None
-    return options.percentile_filter.threshold_px is not None and options.min_views < len(rig)
+    chosen = options.percentile_filter
+    return chosen.threshold_px is not None and chosen.min_views_left < len(rig)
 
 
 def prepare(
-    rig: CameraRig, pieces: Iterable[tuple[Detections, Tracks]], noise: NoiseModel, options: TriangulationOptions
+    rig: CameraRig, pieces: Pieces, noise: NoiseModel, options: TriangulationOptions
 ) -> tuple[TriangulationOptions, tuple[str, ...]]:
     """Convert the percentile to an absolute error over the whole recording.
+
+    The recording is triangulated twice, range by range, so that its errors are never in memory together.
 
     Returns:
         The options with ``threshold_px``, and notes for the user.
     """
     chosen = options.percentile_filter
-    assert options.min_views is not None
-    if options.min_views >= len(rig):
+    if chosen.min_views_left >= len(rig):
         return options, (
-            f"percentile_filter does not run: min_views is {options.min_views} and the rig has {len(rig)} cameras, so "
-            "none can be dropped.",
+            f"percentile_filter does not run: min_views_left is {chosen.min_views_left} and the rig has {len(rig)} "
+            "cameras, so none can be dropped.",
         )
     if chosen.threshold_px is not None:
         return options, ()
-    errors_px = []
-    for detections, tracks in pieces:
-        layer = simple.solve(rig, detections, tracks, noise, options)
-        errors_px.append(np.asarray(layer.view_error_px)[np.asarray(layer.view_status) == ViewStatus.USED])
-    values_px = np.concatenate(errors_px)
-    if not len(values_px):
+
+    def errors_px() -> Iterator[np.ndarray]:
+        for detections, tracks in pieces():
+            layer = simple.solve(rig, detections, tracks, noise, options)
+            yield np.asarray(layer.view_error_px)[np.asarray(layer.view_status) == ViewStatus.USED]
+
+    threshold = exact_percentile(errors_px, chosen.percentile)
+    if threshold is None:
         return options, ()
-    threshold = float(np.percentile(values_px, chosen.percentile))
     note = f"percentile_filter: percentile {chosen.percentile:g} of the errors is {threshold:.2f} px."
     return replace(options, percentile_filter=replace(chosen, threshold_px=threshold)), (note,)
 
@@ -62,11 +65,12 @@ def solve(
 ) -> Layer:
     """Triangulate every keypoint; see :class:`posefuse.triangulation.method.Solve`.
 
-    Points that keep a large error are missing, as outliers. Without ``threshold_px`` nothing is filtered.
+    Views are dropped down to ``min_views_left``. Points that keep a large error are missing, as outliers; FreeMoCap
+    fills these gaps in its postprocessing, as the option ``postprocess.fill`` does. Without ``threshold_px`` nothing
+    is filtered.
     """
-    assert options.min_views is not None
     layer = simple.solve(rig, detections, tracks, noise, options)
-    threshold = options.percentile_filter.threshold_px
+    threshold, left = options.percentile_filter.threshold_px, options.percentile_filter.min_views_left
     if threshold is None or not runs(rig, options):
         return layer
     flat = FlatLayer.of(layer)
@@ -76,7 +80,7 @@ def solve(
     remaining, errors = used[exceeding].copy(), np.where(used[exceeding], flat.view_error_px[exceeding], np.nan)
     pending = np.arange(len(exceeding))
     while True:
-        pending = pending[remaining[pending].sum(axis=-1) > options.min_views]
+        pending = pending[remaining[pending].sum(axis=-1) > left]
         if not len(pending):
             break
         worst = np.nanargmax(np.where(remaining[pending], errors[pending], -np.inf), axis=-1)

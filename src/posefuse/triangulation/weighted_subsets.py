@@ -4,7 +4,6 @@ Source: FreeMoCap's documentation, "Reprojection Error Outlier Rejection" (in th
 box). Where the program differs, the documentation is followed; docs/methods lists the differences.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -18,7 +17,7 @@ from posefuse.model.reconstruction import Layer
 from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.model.tracks import Tracks
 from posefuse.triangulation import simple
-from posefuse.triangulation.method import Method
+from posefuse.triangulation.method import Method, Pieces
 from posefuse.triangulation.observations import Observations
 from posefuse.triangulation.results import FlatLayer, mean_over, rows_by_person_frame
 
@@ -26,7 +25,7 @@ _SHARPNESS = 5.0
 
 
 def prepare(
-    rig: CameraRig, pieces: Iterable[tuple[Detections, Tracks]], noise: NoiseModel, options: TriangulationOptions
+    rig: CameraRig, pieces: Pieces, noise: NoiseModel, options: TriangulationOptions
 ) -> tuple[TriangulationOptions, tuple[str, ...]]:
     """Add a note if the rig has no camera to drop; nothing else is examined or changed.
 

@@ -95,7 +95,9 @@ def test_percentile_filter_gives_no_point_to_opposite_cameras():
     pixels[::2, 3] -= 90.0
     detections = replace(detections, keypoints_px=pixels.reshape(80, 17, 2))
     options = TriangulationOptions(
-        method="percentile_filter", min_views=2, percentile_filter=PercentileFilterOptions(threshold_px=5.0)
+        method="percentile_filter",
+        min_views=2,
+        percentile_filter=PercentileFilterOptions(threshold_px=5.0, min_views_left=2),
     )
     layer = triangulate(rig, detections, Options(pairs="labels", noise_scale_px=2.0, triangulation=options)).layers[
         "measured"

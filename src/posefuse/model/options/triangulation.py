@@ -67,10 +67,13 @@ class PercentileFilterOptions:
     Attributes:
         percentile: Percentile of the views' reprojection errors over the recording that becomes the threshold.
         threshold_px: Threshold for reprojection errors, instead of the percentile.
+        min_views_left: Minimum number of views to which a point is reduced before it is missing; with as many cameras
+            or fewer, the method percentile_filter drops none.
     """
 
     percentile: float = option(90.0, at_least=0.0, at_most=100.0)
     threshold_px: float | None = option(None, at_least=0.0)
+    min_views_left: int = option(3, at_least=2)
 
     def __post_init__(self) -> None:
         check_fields(self, "triangulation.percentile_filter")
