@@ -4,13 +4,20 @@ The input is one file for all cameras, whose videos are the views, or one file p
 Instances are people or animals; tracks are their identities, numbered in the order of the file. Scores of predicted
 points are the confidence; manual points have none. A manual instance replaces the prediction that it corrects. Videos
 are not opened.
+
+Files written in the browser (luc3d) may lack the attribute ``format_id`` of the group ``metadata``, which numbers the
+layout and which sleap-io requires. They are read as the newest layout.
 """
 
 import math
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+import h5py
 import numpy as np
 
 from posefuse.errors import FileError, PosefuseError, choices
@@ -26,6 +33,8 @@ from posefuse.skeleton.skeletons import Skeleton
 
 _MAX_MISSING_FRAMES = 10_000_000
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_NEWEST_LAYOUT = 2.8
+"""Number of the layout of files that do not state it: that of the columns ``session_data``."""
 
 
 def matches(path: Path) -> bool:
@@ -56,11 +65,14 @@ def read(path: Path, request: Request) -> Detections:
         FileError: If a file is broken, views have different nodes, or sleap-io is not installed.
     """
     files, views, nodes = files_of(path), [], None
+    unnumbered: list[str] = []
     request.progress.start("reading keypoints", len(files))
     for file, name in zip(files, view_names(files), strict=True):
         check_hdf5(file, "SLEAP file")
-        with reading(file, "SLEAP file"):
-            labels = _load(file)
+        with reading(file, "SLEAP file"), _numbered(file) as readable:
+            if readable != file:
+                unnumbered.append(file.name)
+            labels = _load(readable, file)
             file_nodes = _skeleton(labels)
             if nodes is not None and file_nodes.keypoints != nodes.keypoints:
                 raise FileError(
@@ -75,16 +87,49 @@ def read(path: Path, request: Request) -> Detections:
     skeleton = request.skeleton or nodes
     if len(skeleton) != len(nodes):
         raise FileError(f"{path} has {len(nodes)} nodes, but skeleton {skeleton.name} has {len(skeleton)} keypoints.")
-    return assemble(path, views, skeleton, request.rate_hz)
+    detections = assemble(path, views, skeleton, request.rate_hz)
+    if not unnumbered:
+        return detections
+    note = f"{choices(unnumbered)}: the number of the layout (format_id) is missing; read as the newest layout."
+    return replace(detections, notes=(*detections.notes, note))
 
 
-def _load(file: Path) -> Any:
+@contextmanager
+def _numbered(file: Path) -> Iterator[Path]:
+    """Yield the file, or, if it lacks the number of its layout, a temporary file with the number that links to it."""
+    with h5py.File(file, "r") as content:
+        metadata = content.get("metadata")
+        if not isinstance(metadata, h5py.Group) or "format_id" in metadata.attrs:
+            numbered = None
+        else:
+            numbered = dict(metadata.attrs) | {"format_id": _NEWEST_LAYOUT}
+        others = [name for name in content if name != "metadata"]
+        inside = list(metadata) if numbered is not None and isinstance(metadata, h5py.Group) else []
+    if numbered is None:
+        yield file
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / file.name
+        # Older versions of HDF5 limit an attribute to 64 KB.
+        with h5py.File(copy, "w", libver="latest") as content:
+            for name in others:
+                content[name] = h5py.ExternalLink(str(file.resolve()), f"/{name}")
+            group = content.create_group("metadata")
+            for name in inside:
+                group[name] = h5py.ExternalLink(str(file.resolve()), f"/metadata/{name}")
+            for name, value in numbered.items():
+                group.attrs[name] = value
+        yield copy
+
+
+def _load(readable: Path, file: Path) -> Any:
+    """Return the labels of a readable file, which may stand for another."""
     try:
         from sleap_io.io.main import load_slp
     except ImportError:
         raise FileError(f"{file} is a SLEAP file. Reading it requires sleap-io: pip install posefuse[sleap]") from None
     try:
-        return load_slp(str(file), open_videos=False)
+        return load_slp(str(readable), open_videos=False)
     except PosefuseError:
         raise
     except Exception as error:  # a broken file can raise any exception
