@@ -90,7 +90,7 @@ def test_default_outputs_stay_in_their_folder(tmp_path):
     for i in (0, 8, 16):
         folder = tmp_path / f"above_{i}" / "result"
         folder.mkdir(parents=True)
-        files, _ = write_folder(renamed(result, distinct(list(PATHS[i:]), 4), list(result.rig.names)), folder)
+        files, *_ = write_folder(renamed(result, distinct(list(PATHS[i:]), 4), list(result.rig.names)), folder)
         all_in(folder)
         assert {entry.name for entry in folder.iterdir()} == set(files)
 

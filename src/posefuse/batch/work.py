@@ -128,8 +128,8 @@ def _reconstruct(job: Job, warned: list[str], workers: Workers | None) -> JobRes
 
 def _digests(job: Job) -> dict[str, str]:
     """Return the digests of a recording's inputs, by their role and name."""
-    calibration, keypoints = calibration_and_keypoints(job.folder, RecordingInputs(job.calibration))
-    files = {"calibration": calibration, "keypoints": keypoints}
+    calibration, keypoints = calibration_and_keypoints(job.folder, RecordingInputs(job.calibration), job.options)
+    files = {"keypoints": keypoints} if calibration is None else {"calibration": calibration, "keypoints": keypoints}
     timestamps = timestamps_in(job.folder, keypoints, job.options)
     if timestamps is not None:
         files["timestamps"] = timestamps

@@ -1,6 +1,8 @@
 """Print a summary of a result."""
 
 import math
+from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +15,28 @@ if TYPE_CHECKING:
     from posefuse.report.summary import Summary
 
 _MAJOR_EVENTS = ("possible_identity_switch", "camera_rejected", "camera_silent")
+
+
+def layer_remark(files: Sequence[str], layer: LayerName, also: Sequence[str] = ()) -> str:
+    """Return which of the written formats contain a single layer, and which layer; empty without any.
+
+    Args:
+        files: names of the written files.
+        layer: layer in them.
+        also: names of other formats that were requested.
+    """
+    from posefuse.io.results.write import additional_names
+
+    single = [name for name, ending in (("TRC", ".trc"), ("C3D", ".c3d")) if any(f.endswith(ending) for f in files)]
+    offered = additional_names() if also else {}
+    stems = tuple(Path(offered[name]).stem for name in also)
+    if any(file.startswith(stems) for file in files):
+        single.append("the other formats" if single else "the additional formats")
+    if not single:
+        return ""
+    plural = len(single) > 1 or single[-1].startswith("the ")
+    listed = " and ".join(filter(None, [", ".join(single[:-1]), single[-1]]))
+    return f"{listed} {'contain' if plural else 'contains'} the layer {layer}."
 
 
 def describe_result(result: Reconstruction) -> None:

@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, note, wrote
-from posefuse.cli.describe_result import describe_result
+from posefuse.cli.describe_result import describe_result, layer_remark
 
 
 def edit(
@@ -31,4 +31,5 @@ def edit(
     describe_result(open_result(output)[1])
     for remark in written.remarks:
         note(f"note: {remark}")
-    wrote(["reconstruction.nc", *written.files], output, f"TRC and C3D contain the layer {written.layer}.")
+    files = ["reconstruction.nc", *written.files]
+    wrote(files, output, layer_remark(files, written.layer))

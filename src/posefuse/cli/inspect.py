@@ -59,6 +59,8 @@ def inspect(
         say("no 2D keypoints")
     if not calibrations:
         say("no calibration")
+        if len(seen) == 1 and seen[0][1].n_views == 1 and options.needs_no_poses:
+            say("1 view needs no calibration; posefuse reconstruct places its keypoints in its image plane, in px")
     ignored = ignored_in(found)
     if ignored:
         say("not read:")
@@ -209,7 +211,8 @@ def _say_matches(read: _Inputs, options: Options) -> bool:
             except PosefuseError as error:
                 refused.append(str(error))
                 continue
-            words = f"{chosen.n_views} views match {len(matched)} cameras"
+            views = count(chosen.n_views, "view")
+            words = f"{views} {'matches' if chosen.n_views == 1 else 'match'} {count(len(matched), 'camera')}"
             said.append((words, f"  --calibration '{where}'\n  --keypoints '{path}'", notes))
     if refused and not said:
         warn(f"views and cameras do not match: {refused[0]}")

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, note, warn, wrote
-from posefuse.cli.describe_result import describe_result
+from posefuse.cli.describe_result import describe_result, layer_remark
 from posefuse.cli.types import (
     Also,
     EditsPath,
@@ -70,8 +70,7 @@ def reconstruct(
     describe_result(outcome.open())
     for remark in outcome.remarks:
         note(f"note: {remark}")
-    single = "TRC, C3D and the other formats" if also else "TRC and C3D"
-    wrote(outcome.files, output, f"{single} contain the layer {outcome.layer}.")
+    wrote(outcome.files, output, layer_remark(outcome.files, outcome.layer, also))
     if outcome.partial:
         warn(outcome.partial)
         sys.exit(130)

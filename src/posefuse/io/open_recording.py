@@ -14,6 +14,7 @@ from posefuse.io.timestamps import read_timestamps
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
+from posefuse.preprocess.uncalibrated import uncalibrated_camera
 from posefuse.progress import Progress, Silent
 
 
@@ -39,7 +40,7 @@ class OpenedRecording:
     """The contents of a recording.
 
     Attributes:
-        rig: calibrated cameras.
+        rig: calibrated cameras; a single camera whose keypoints are placed in its image plane needs no calibration.
         detections: 2D keypoints.
         digests: file name to the SHA-256 of its content; for a folder, of the names and contents of its files.
     """
@@ -76,8 +77,11 @@ def open_recording(
     # Hashed before reading: if a file changes meanwhile, the digest does not match the new content.
     files = [file for file in (calibration, keypoints, timestamps, nearby) if file is not None]
     digests = {file.name: digest_path(file) for file in files if file.exists() or files_at(file)}
-    rig = read_cameras(calibration, length_unit=options.length_unit, up=options.up)
+    known = None
+    if calibration is not None:
+        known = read_cameras(calibration, length_unit=options.length_unit, up=options.up)
     detections = read_keypoints(keypoints, _request(options, progress or Silent(), timestamps, nearby))
+    rig = known or uncalibrated_camera(detections, options.image_size)
     if timed:
         require_times(detections)
     return OpenedRecording(rig, detections, digests)
@@ -85,14 +89,15 @@ def open_recording(
 
 def calibration_and_keypoints(
     folder: Path, inputs: RecordingInputs, options: Options | None = None
-) -> tuple[Path, Path]:
-    """Return the paths of a recording's calibration and keypoints.
+) -> tuple[Path | None, Path]:
+    """Return the paths of a recording's calibration, None for one camera that needs none, and of its keypoints.
 
     Raises:
         RecordingError: if an input is missing or ambiguous; one message names all problems.
     """
     found = find_inputs(folder, inputs.calibration, inputs.keypoints, options)
-    return must_exist(found.calibration, "calibration"), found.keypoints
+    calibration = None if found.calibration is None else must_exist(found.calibration, "calibration")
+    return calibration, found.keypoints
 
 
 def keypoint_request(

@@ -95,9 +95,9 @@ def _identify_file(file: Path) -> Recording:
 
 @dataclass(frozen=True)
 class InputPaths:
-    """The calibration and the keypoints of a recording."""
+    """The calibration, None for a single camera that needs none, and the keypoints of a recording."""
 
-    calibration: Path
+    calibration: Path | None
     keypoints: Path
 
 
@@ -105,6 +105,8 @@ def find_inputs(
     folder: Path, calibration: Path | None = None, keypoints: Path | None = None, options: Options | None = None
 ) -> InputPaths:
     """Return the calibration and the keypoints of a recording.
+
+    Keypoints of one view need no calibration if the options place them in its image plane.
 
     Args:
         folder: Folder of the recording, searched for what is not given.
@@ -119,11 +121,14 @@ def find_inputs(
     if calibration is not None and keypoints is not None:
         return InputPaths(calibration, keypoints)
     recording, problems = find_recording(folder), []
+    candidates = [keypoints] if keypoints is not None else [item.path for item in recording.keypoints]
+    absent = calibration is None and not recording.calibrations and next(_broken_calibrations(folder), None) is None
+    if absent and len(candidates) == 1 and _is_flat(candidates[0], options or Options()):
+        return InputPaths(None, candidates[0])
     try:
         calibration = calibration or choose_calibration(recording)
     except RecordingError as error:
         problems.append(str(error))
-    candidates = [keypoints] if keypoints is not None else [item.path for item in recording.keypoints]
     try:
         keypoints = keypoints or choose_keypoints(recording)
     except RecordingError as error:
@@ -133,6 +138,16 @@ def find_inputs(
     if candidates and _lacks_rate(folder, candidates[0], options or Options()):
         problems.append("The keypoint files and the files beside them specify no frame rate. Add --rate-hz.")
     raise RecordingError("\n".join(problems))
+
+
+def _is_flat(keypoints: Path, options: Options) -> bool:
+    """Return whether keypoints are those of one view, which the options place in its image plane."""
+    if not options.needs_no_poses:
+        return False
+    try:
+        return read_keypoints(keypoints, Request.of(options)).n_views == 1
+    except PosefuseError:
+        return False
 
 
 def _lacks_rate(folder: Path, keypoints: Path, options: Options) -> bool:

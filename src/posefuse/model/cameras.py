@@ -211,6 +211,7 @@ class CameraRig(PickledByFields):
         meters_per_unit: factor from the file's unit to meters.
         notes: notes of the reader.
         left_out: names of cameras with an invalid calibration; their views are not used.
+        calibrated: False for a single camera without calibration, whose matrix and pose are placeholders.
 
     Raises:
         CameraError: if the rig is empty, a name is repeated, or the axis is unknown.
@@ -222,6 +223,7 @@ class CameraRig(PickledByFields):
     meters_per_unit: float = 1.0
     notes: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
+    calibrated: bool = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cameras", tuple(self.cameras))

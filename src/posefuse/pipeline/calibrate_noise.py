@@ -1,6 +1,7 @@
 """Calibrate the error model of a detector."""
 
 from posefuse.association.one_subject import SingleSubject
+from posefuse.errors import DetectionsError
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
@@ -34,6 +35,10 @@ def calibrate_noise(
     """
     options = options or Options()
     rig, detections, _ = match_views(rig, detections, options)
+    if len(rig) < 2:
+        raise DetectionsError(
+            "calibrate-noise needs points that three views show, because it leaves views out; one camera is used."
+        )
     detections = cut_time(detections, options)
     samples = take_samples(detections, SingleSubject.of(detections, options.pick))
     return calibrate_error_model(rig, samples, options, progress or Silent())

@@ -91,6 +91,10 @@ def measure_sync(
         DetectionsError: if the views agree too little to measure offsets, or frame times are unknown.
     """
     subjects = _with_subjects(rig, detections, options or Options(), progress or Silent())
+    if len(subjects[0]) < 2:
+        raise DetectionsError(
+            "sync measures the time offsets between views; it needs two cameras or more, and one is used."
+        )
     effort = replace(DEEP, max_offset_s=reach_s)
     examination, timings = recording_check.measure_timing(*subjects, effort, reference)
     if timings is None:

@@ -127,13 +127,8 @@ def examine(
     if detections.n_frames == 0:
         raise DetectionsError("The recording is empty: it has no frames.")
     requested = options
-    # Views, timeline and cameras.
-    if options.rate_hz is not None and detections.rate_hz is None:
-        detections = detections.with_rate(options.rate_hz)
-    detections = align_views(detections, options.reference_view)
-    rig, detections, notes = match_views(rig, detections, options)
+    rig, detections, notes = used_inputs(rig, detections, options)
     # Options that depend on the recording.
-    detections = cut_time(detections, options)
     facts = RecordingFacts.of(detections)
     options = resolve_options(options, facts, len(rig))
     # Time offsets of the views, and weights of the detections.
@@ -169,6 +164,22 @@ def examine(
     )
     plan = Plan(rig, detections, requested, options, subjects, bodies, noise.noise, provenance, noise.layer)
     return _with_resolved_method(plan, options, facts)
+
+
+def used_inputs(
+    rig: CameraRig, detections: Detections, options: Options
+) -> tuple[CameraRig, Detections, tuple[str, ...]]:
+    """Return the cameras, views and frames that a reconstruction uses, on one timeline, and notes.
+
+    Raises:
+        MatchError: if views and cameras do not match.
+        DetectionsError: if no frame is left.
+    """
+    if options.rate_hz is not None and detections.rate_hz is None:
+        detections = detections.with_rate(options.rate_hz)
+    detections = align_views(detections, options.reference_view)
+    rig, detections, notes = match_views(rig, detections, options)
+    return rig, cut_time(detections, options), notes
 
 
 def with_method(plan: Plan, method: str) -> Plan:

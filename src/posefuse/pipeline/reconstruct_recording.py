@@ -24,7 +24,8 @@ from posefuse.pipeline.reconstruct import prepare
 from posefuse.pipeline.recording_checkpoint import open_checkpoint
 from posefuse.pipeline.write_outputs import (
     find_debug_figure,
-    require_formats,
+    require_known_formats,
+    require_possible_formats,
     write_debug_figures,
     write_other_formats,
     write_outputs,
@@ -115,13 +116,13 @@ def reconstruct_recording(
         KeyboardInterrupt: if the run is interrupted before the first chunk is finished.
     """
     output, delivery = Path(output), delivery or Delivery()
-    require_formats(also)
+    require_known_formats(also)
     after = ExitStack()
     with (
         _announce_checkpoint(output / CHECKPOINT_FOLDER),
         replacing_folder(output, delivery.marker, after=after) as staging,
     ):
-        run = _Run(staging, output, options or Options(), inputs or RecordingInputs(), progress or Silent())
+        run = _Run(staging, output, options or Options(), inputs or RecordingInputs(), also, progress or Silent())
         outcome, checkpoint = run.reconstruct(Path(recording), workers)
         files, remarks = write_other_formats(staging, also)
         outcome = replace(outcome, files=(*outcome.files, *files), remarks=(*outcome.remarks, *remarks))
@@ -161,6 +162,7 @@ class _Run:
         output: folder of the result, which holds the checkpoint.
         options: options as requested.
         inputs: paths of inputs.
+        also: other formats to write.
         progress: receives the progress.
     """
 
@@ -168,6 +170,7 @@ class _Run:
     output: Path
     options: Options
     inputs: RecordingInputs
+    also: tuple[str, ...]
     progress: Progress
 
     def reconstruct(self, folder: Path, workers: Workers | None) -> tuple[Outcome, CheckpointFolder | None]:
@@ -177,6 +180,7 @@ class _Run:
             The outcome, and the checkpoint to remove when the files are in place, if there is one.
         """
         opened = open_recording(folder, self.inputs, self.options, self.progress, timed=True)
+        require_possible_formats(self.also, opened.rig, opened.detections, self.options)
         edits = None if self.inputs.edits is None else Edits.read(self.inputs.edits)
         options = self.options
         if options.skeleton is not None:

@@ -5,16 +5,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from posefuse.biomechanics.tables import angle_table, body_tables
-from posefuse.errors import OptionsError, suggestion
+from posefuse.errors import OptionsError, ResultError, suggestion
 from posefuse.evaluation.error_profile import error_profile
 from posefuse.io.results.figures import write_figures
+from posefuse.io.results.format import ResultFacts
 from posefuse.io.results.open_result import open_result
-from posefuse.io.results.write import additional_names, people_with_frames, write_also, write_folder
-from posefuse.model.options.options import LayerName
+from posefuse.io.results.write import additional_names, people_with_frames, require_formats, write_also, write_folder
+from posefuse.model.cameras import CameraRig
+from posefuse.model.detections import Detections
+from posefuse.model.options.options import LayerName, Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.pipeline.measured_layer import reconstruct_chunks
 from posefuse.pipeline.plan import Plan
-from posefuse.pipeline.reconstruct import with_method
+from posefuse.pipeline.reconstruct import used_inputs, with_method
+from posefuse.pipeline.solved_layer import mean_times
 from posefuse.progress import Progress
 from posefuse.report.html import render_report
 from posefuse.report.percentile_filter import percentile_filter_figure
@@ -41,13 +45,13 @@ class WrittenOutputs:
 
 def write_outputs(result: Reconstruction, folder: Path, progress: Progress) -> WrittenOutputs:
     """Write the tables, TRC, C3D, BVH and glTF files and the report of a result."""
-    files, layer = write_folder(result, folder, progress, angle_table, body_tables(result))
-    figures, remarks = write_figures(result, people_with_frames(result), folder, progress)
+    files, layer, unwritten = write_folder(result, folder, progress, angle_table, body_tables(result))
+    figures, remarks = ([], []) if unwritten else write_figures(result, people_with_frames(result), folder, progress)
     (folder / REPORT).write_text(render_report(result, progress=progress), "utf-8")
-    return WrittenOutputs((*files, *figures, REPORT), layer, tuple(remarks))
+    return WrittenOutputs((*files, *figures, REPORT), layer, (*unwritten, *remarks))
 
 
-def require_formats(also: Sequence[str]) -> None:
+def require_known_formats(also: Sequence[str]) -> None:
     """Refuse unknown format names before any work is done.
 
     Raises:
@@ -59,6 +63,31 @@ def require_formats(also: Sequence[str]) -> None:
             raise OptionsError(
                 f"--also {name}: there is no additional format with this name. {suggestion(name, offered)}"
             )
+
+
+def require_possible_formats(also: Sequence[str], rig: CameraRig, detections: Detections, options: Options) -> None:
+    """Refuse formats that cannot hold the result, before the work that takes time.
+
+    Args:
+        also: names of formats.
+        rig: calibrated cameras.
+        detections: 2D keypoints.
+        options: options of the reconstruction.
+
+    Raises:
+        PosefuseError: if a format cannot hold the result, or views and cameras do not match.
+    """
+    if not also:
+        return
+    rig, detections, _ = used_inputs(rig, detections, options)
+    facts = ResultFacts(
+        "px" if len(rig) == 1 else "m", detections.skeleton, rig.names, detections.frame_numbers,
+        mean_times(detections), detections.rate_hz,
+    )  # fmt: skip
+    try:
+        require_formats(also, facts)
+    except ResultError as error:
+        raise OptionsError(f"--also: {error}") from None
 
 
 def write_other_formats(folder: Path, also: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from posefuse.errors import FileError, ResultError, choices
+from posefuse.errors import FileError, choices
 from posefuse.io.files import must_exist, reading
 from posefuse.io.results import csv, tables
-from posefuse.io.results.format import ResultFormat
+from posefuse.io.results.format import ResultFacts, ResultFormat
 from posefuse.io.results.rows import blocks, rows_of
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
@@ -32,12 +32,19 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> 
         ResultError: if there are no frames, nearly all rows would be empty, or the
             result comes from a single camera.
     """
-    if result.unit != "m":
-        raise ResultError(
-            f"Anipose CSV files have 3D coordinates; this result is in {result.unit} (image plane of a single camera)."
-        )
+    require(ResultFacts.of(result))
     rows, _ = rows_of(result, "anipose")
     csv.write_plain(_tables(result, result.person_ids.index(person), layer, rows), path)
+
+
+def require(facts: ResultFacts) -> None:
+    """Refuse results that the file cannot hold.
+
+    Raises:
+        ResultError: if the points are not in meters, there are no frames, or nearly all rows would be empty.
+    """
+    facts.require_meters("anipose")
+    rows_of(facts, "anipose")
 
 
 def _tables(result: Reconstruction, person: int, name: LayerName, rows: np.ndarray) -> Iterator[dict[str, np.ndarray]]:
@@ -128,6 +135,7 @@ FORMAT = ResultFormat(
     files="*.csv, one per person",
     conventions="meters, world axes; one row per frame; M and center map to the calibration in its own unit",
     lacks="times, status, covariances, which views",
+    require=require,
     additional_name="anipose.csv",
     endings=(".csv",),
     name_words=("anipose",),

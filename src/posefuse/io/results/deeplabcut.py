@@ -18,7 +18,7 @@ from posefuse.io.files import must_exist, reading, replacing
 from posefuse.io.hdf5 import open_hdf5
 from posefuse.io.pandas_tables import Frame, read_frame, write_frame
 from posefuse.io.results import hdf5, tables
-from posefuse.io.results.format import ResultFormat
+from posefuse.io.results.format import ResultFacts, ResultFormat
 from posefuse.io.results.rows import blocks, rows_of
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import LAYERS, Reconstruction
@@ -154,12 +154,17 @@ def _read_csv(path: Path) -> Frame:
     return Frame(columns, np.array(index, dtype=np.int64), np.array(values).reshape(len(index), len(columns)))
 
 
+def _require(facts: ResultFacts) -> None:
+    rows_of(facts, "deeplabcut")
+
+
 FORMAT = ResultFormat(
     name="deeplabcut",
     files="*.h5 or *.csv in 3D, all people in one",
     conventions="meters, world axes; x y z per body part; one row per frame; pandas' df_with_missing",
     lacks="times, status, errors, covariances, views in CSV",
     complete_endings=(".h5",),
+    require=_require,
     additional_name="points_dlc.h5",
     endings=(".csv", ".h5"),
     name_words=("dlc", "deeplabcut"),

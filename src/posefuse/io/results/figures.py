@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from posefuse.errors import ResultError
 from posefuse.io.results import bvh, gltf
 from posefuse.io.results.clips import clip_of
 from posefuse.io.results.names import safe_names
@@ -40,6 +41,10 @@ def write_figures(
             notes.append(f"{person} is absent in all frames: no BVH or glTF was written for {person}.")
             continue
         for form, end in ((bvh, "bvh"), (gltf, "glb")):
-            notes += form.write_clip(result, clip, folder / f"{stem}.{end}", progress)
+            try:
+                notes += form.write_clip(result, clip, folder / f"{stem}.{end}", progress)
+            except ResultError as error:
+                notes.append(f"{stem}.{end} was not written: {error}")
+                continue
             files.append(f"{stem}.{end}")
     return files, list(dict.fromkeys(notes))

@@ -4,15 +4,64 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from posefuse.errors import ResultError
 from posefuse.io.formats import Format
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.stored_points import StoredPoints
+from posefuse.skeleton.skeletons import Skeleton
 
 LayerWriter = Callable[[Reconstruction, Path, LayerName], None]
 PersonWriter = Callable[[Reconstruction, str, Path, LayerName], None]
 FigureWriter = Callable[[Reconstruction, str, Path], list[str]]
 ResultWriter = Callable[[Reconstruction, Sequence[str], Path, LayerName], list[str]]
+
+
+@dataclass(frozen=True, eq=False)
+class ResultFacts:
+    """What is known of a result before it is made, and decides whether a format can hold it.
+
+    Attributes:
+        unit: ``m``, or ``px`` for a single camera.
+        skeleton: skeleton of the points.
+        cameras: names of the cameras.
+        frame_numbers: shape (frame,), increasing.
+        time_s: shape (frame,), NaN if unknown.
+        rate_hz: frame rate, or None if unknown.
+    """
+
+    unit: str
+    skeleton: Skeleton
+    cameras: tuple[str, ...]
+    frame_numbers: np.ndarray
+    time_s: np.ndarray
+    rate_hz: float | None
+
+    @classmethod
+    def of(cls, result: Reconstruction) -> "ResultFacts":
+        """Return the facts of a result."""
+        return cls(
+            result.unit, result.skeleton, result.rig.names, result.frame_numbers, result.time_s, result.rate_hz
+        )  # fmt: skip
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return len(self.frame_numbers)
+
+    def require_meters(self, form: str) -> None:
+        """Refuse points in the image plane of a single camera.
+
+        Raises:
+            ResultError: if the points are not in meters.
+        """
+        if self.unit != "m":
+            raise ResultError(
+                f"{form} needs 3D points; those of a single camera are in its image plane, in {self.unit}. parquet, "
+                "movement, sleap, deeplabcut and nwb can hold them."
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +85,7 @@ class ResultFormat(Format):
             the ending alone selects it.
         lacks: Fields of a layer that the format cannot hold. Empty if it holds all of them.
         complete_endings: Endings of files for which ``lacks`` does not apply.
+        require: Raise a ResultError if the format cannot hold a result with these facts; None if it can hold any.
         additional_name: Name of the file or folder that ``--also`` writes into the folder of a result. Empty if
             ``--also`` does not offer the format.
     """
@@ -53,6 +103,7 @@ class ResultFormat(Format):
     name_words: tuple[str, ...] = ()
     lacks: str = ""
     complete_endings: tuple[str, ...] = ()
+    require: Callable[[ResultFacts], None] | None = None
     additional_name: str = ""
 
     @property

@@ -21,10 +21,10 @@ from pathlib import Path
 import numpy as np
 
 from posefuse.arrays import ArraySource
-from posefuse.errors import FileError, ResultError
+from posefuse.errors import FileError
 from posefuse.io.files import must_exist, read_text, reading, replacing_folder
 from posefuse.io.results import csv
-from posefuse.io.results.format import ResultFormat
+from posefuse.io.results.format import ResultFacts, ResultFormat
 from posefuse.io.results.names import safe_names
 from posefuse.io.results.rows import blocks, rows_of
 from posefuse.model.options.options import LayerName
@@ -76,6 +76,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> 
         ResultError: if there are no frames, or the result comes from a single camera.
         FileError: if the folder holds something else.
     """
+    require(ResultFacts.of(result))
     arrays = arrays_of(result, person, layer)
     row_indices, _ = rows_of(result, "freemocap")
     with replacing_folder(path, f"{_FOLDER}/{HEAD}", _OWNED) as staging:
@@ -168,16 +169,22 @@ def _points_mm(source: ArraySource, person: int, columns: list[int] | None = Non
     return _Selection(source, person, columns, MM_PER_M)
 
 
+def require(facts: ResultFacts) -> None:
+    """Refuse results that the arrays cannot hold.
+
+    Raises:
+        ResultError: if the points are not in meters, there are no frames, or nearly all rows would be empty.
+    """
+    facts.require_meters("freemocap")
+    rows_of(facts, "freemocap")
+
+
 def arrays_of(result: Reconstruction, person: str, layer: LayerName) -> list[Array]:
     """Return all arrays of one person.
 
     Raises:
-        ResultError: if there are no frames, or the result comes from a single camera.
+        ResultError: if there are no frames, or nearly all rows would be empty.
     """
-    if result.unit != "m":
-        raise ResultError(
-            f"FreeMoCap arrays are in mm; this result is in {result.unit} (image plane of a single camera)."
-        )
     row_indices, n_rows = rows_of(result, "freemocap")
     index, tracker = result.person_ids.index(person), tracker_of(result.skeleton.name)
     raw, requested = result.layers[_raw_layer(result, layer)], result.layers[layer]
@@ -279,6 +286,7 @@ FORMAT = ResultFormat(
     conventions=(
         "FreeMoCap's names and shapes; mm, world axes; one row per frame; all other fields in output_data/posefuse"
     ),
+    require=require,
     additional_name="freemocap",
     is_folder=True,
     holds_measured_layer=True,

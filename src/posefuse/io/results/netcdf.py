@@ -322,6 +322,8 @@ def _write_rig(file: h5netcdf.File, rig: CameraRig) -> None:
     file.attrs["rig_source"] = rig.source
     file.attrs["rig_meters_per_unit"] = float(rig.meters_per_unit)
     file.attrs["rig_notes"] = json.dumps(rig.notes)
+    if not rig.calibrated:
+        file.attrs["rig_calibrated"] = 0
     coefficients = np.full((len(rig), 8), np.nan)
     for i, camera in enumerate(rig.cameras):
         coefficients[i, : len(camera.distortion)] = camera.distortion
@@ -366,6 +368,7 @@ def _read_rig(file: h5netcdf.File) -> CameraRig:
         # Files of earlier versions have the British spelling.
         number_of(file, "rig_metres_per_unit" if "rig_metres_per_unit" in file.attrs else "rig_meters_per_unit"),
         tuple(json.loads(text_of(file, "rig_notes"))),
+        calibrated="rig_calibrated" not in file.attrs,
     )
 
 

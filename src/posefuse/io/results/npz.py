@@ -11,8 +11,9 @@ import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.io.files import check_unpacked_size, must_exist, reading, replacing
-from posefuse.io.results.format import ResultFormat
+from posefuse.io.results.format import ResultFacts, ResultFormat
 from posefuse.io.results.freemocap import Array, arrays_of, description_of, points_of, write_npy
+from posefuse.io.results.rows import rows_of
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.stored_points import StoredPoints
@@ -26,6 +27,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> 
     Raises:
         ResultError: if there are no frames, or the result comes from a single camera.
     """
+    _require(ResultFacts.of(result))
     head = np.array(description_of(result, person, layer))
     arrays = [*arrays_of(result, person, layer), Array(_HEAD, (), head.dtype, lambda: iter([head]))]
     with (
@@ -70,10 +72,16 @@ def _check_size(path: Path) -> None:
         check_unpacked_size(path, sum(entry.file_size for entry in archive.infolist()))
 
 
+def _require(facts: ResultFacts) -> None:
+    facts.require_meters("npz")
+    rows_of(facts, "npz")
+
+
 FORMAT = ResultFormat(
     name="npz",
     files="*.npz, one per person",
     conventions="FreeMoCap's arrays by name; mm, world axes; one row per frame",
+    require=_require,
     additional_name="points.npz",
     endings=(".npz",),
     holds_measured_layer=True,

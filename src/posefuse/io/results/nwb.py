@@ -31,7 +31,7 @@ import numpy as np
 from posefuse.errors import FileError, ResultError
 from posefuse.io.files import must_exist, replacing
 from posefuse.io.hdf5 import open_hdf5
-from posefuse.io.results.format import ResultFormat
+from posefuse.io.results.format import ResultFacts, ResultFormat
 from posefuse.io.results.names import safe_names
 from posefuse.model.cameras import Camera
 from posefuse.model.options.options import LayerName
@@ -80,17 +80,28 @@ def write(result: Reconstruction, path: Path, layer: LayerName) -> None:
     Raises:
         ResultError: if the packages are not installed, or frames have no times.
     """
-    if not np.isfinite(result.time_s).all() or not result.n_frames:
-        raise ResultError(
-            "An NWB file needs the time of every frame, and this result lacks some times. Read the keypoints with "
-            "--rate-hz, or in Python: detections.with_rate(60)."
-        )
+    require(ResultFacts.of(result))
     points = stored_points(result, layer)
     with _packages() as (pynwb, ndx_pose), replacing(path) as temporary:
         content = _file(pynwb, ndx_pose, result, points)
         with pynwb.NWBHDF5IO(temporary, "w") as file:
             file.write(content)
         _derive_ids(temporary, content.identifier)
+
+
+def require(facts: ResultFacts) -> None:
+    """Refuse results that the file cannot hold.
+
+    Raises:
+        ResultError: if the packages are not installed, or frames have no times.
+    """
+    if not np.isfinite(facts.time_s).all() or not facts.n_frames:
+        raise ResultError(
+            "An NWB file needs the time of every frame, and this result lacks some times. Read the keypoints with "
+            "--rate-hz, or in Python: detections.with_rate(60)."
+        )
+    with _packages():
+        pass
 
 
 def _file(pynwb: Any, ndx_pose: Any, result: Reconstruction, points: StoredPoints) -> Any:
@@ -315,6 +326,7 @@ FORMAT = ResultFormat(
     conventions=(
         "meters, world axes, seconds; one MultiCameraPoseEstimation per person; session start 1970 means unknown"
     ),
+    require=require,
     additional_name="points.nwb",
     endings=(".nwb",),
     matches=matches,

@@ -14,10 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from posefuse.errors import ResultError
 from posefuse.io.files import checked_file_name, replacing_folder
 from posefuse.io.keypoints.openpose_parts import lists_of
-from posefuse.io.results.format import ResultFormat
+from posefuse.io.results.format import ResultFacts, ResultFormat
 from posefuse.model.cameras import Camera
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
@@ -42,10 +41,7 @@ def write(result: Reconstruction, folder: Path, layer: LayerName, progress: Prog
         ResultError: if the points are not in world coordinates.
         FileError: if a camera's name is not a valid folder name, or the folder holds other files.
     """
-    if result.unit != "m":
-        raise ResultError(
-            f"This result is in {result.unit} (image plane of a single camera); it has no 3D points to project."
-        )
+    require(ResultFacts.of(result))
     folders = [f"{checked_file_name(name)}_json" for name in result.rig.names]
     with replacing_folder(folder, folders[0], tuple(f"{each}/*_keypoints.json" for each in folders)) as staging:
         for each in folders:
@@ -55,6 +51,18 @@ def write(result: Reconstruction, folder: Path, layer: LayerName, progress: Prog
             for camera, each in zip(result.rig.cameras, folders, strict=True):
                 _write_view(part, camera, layer, staging / each)
     return [f"OpenPose JSON has no frame rate. Its points are projections of the layer {layer}, not detections."]
+
+
+def require(facts: ResultFacts) -> None:
+    """Refuse results that cannot be projected.
+
+    Raises:
+        ResultError: if the points are not in meters.
+        FileError: if a camera's name is not a valid folder name.
+    """
+    facts.require_meters("openpose")
+    for name in facts.cameras:
+        checked_file_name(name)
 
 
 def _write_view(part: Reconstruction, camera: Camera, layer: LayerName, folder: Path) -> None:
@@ -105,6 +113,7 @@ FORMAT = ResultFormat(
     name="openpose",
     files="a folder: <camera>_json/<camera>_<frame>_keypoints.json",
     conventions="px of each camera; points projected through its lens; 0 0 0 is missing; for overlays",
+    require=require,
     additional_name="openpose",
     is_folder=True,
     write_result=_write_result,

@@ -18,7 +18,7 @@ from posefuse.arrays import ranges
 from posefuse.errors import ResultError, choices
 from posefuse.io.files import replacing, replacing_folder
 from posefuse.io.results import trc
-from posefuse.io.results.format import ResultFormat
+from posefuse.io.results.format import ResultFacts, ResultFormat
 from posefuse.io.results.names import safe_names
 from posefuse.io.results.opensim_model import MARKERS, MEASUREMENTS, NAMES, Measurement
 from posefuse.io.results.timing import export_rate, regular_rows
@@ -35,6 +35,28 @@ _REQUIRED = ("RHip", "LHip", "RKnee", "LKnee")
 _ACCURACY = 1e-5
 
 
+def _markers(skeleton: Skeleton) -> list[str]:
+    """Return the markers of the model that a skeleton has."""
+    return [name for name in MARKERS if name in marker_names(skeleton).values()]
+
+
+def require(facts: ResultFacts) -> None:
+    """Refuse results that do not fit the model.
+
+    Raises:
+        ResultError: if the points are not in meters, the keypoints are not those of a human, or the frame rate is
+            unknown or not constant.
+    """
+    facts.require_meters("opensim")
+    markers = _markers(facts.skeleton)
+    if not set(_REQUIRED) <= set(markers):
+        raise ResultError(
+            f"opensim: the full-body model needs the markers {choices(_REQUIRED)}; skeleton {facts.skeleton.name!r} "
+            f"has {choices(markers)}."
+        )
+    export_rate(facts, "TRC")
+
+
 def write(
     result: Reconstruction, people: Sequence[str], folder: Path, layer: LayerName, progress: Progress | None = None
 ) -> list[str]:
@@ -48,14 +70,9 @@ def write(
             unknown or not constant.
         FileError: if the folder holds other files.
     """
+    require(ResultFacts.of(result))
     names = marker_names(result.skeleton)
-    markers = [name for name in MARKERS if name in names.values()]
-    missing = [name for name in _REQUIRED if name not in markers]
-    if result.unit != "m" or missing:
-        raise ResultError(
-            f"OpenSim's full-body model needs the markers {choices(_REQUIRED)}; skeleton {result.skeleton.name!r} "
-            f"({result.unit}) has {choices(markers)}."
-        )
+    markers = _markers(result.skeleton)
     if not people:
         raise ResultError("This result contains no people: there is nothing to write for OpenSim.")
     notes = []
@@ -262,6 +279,7 @@ FORMAT = ResultFormat(
     name="opensim",
     files="a folder: <person>.trc, <person>_scaling.xml, <person>_ik.xml, markers.xml",
     conventions="meters, y up; OpenSim's marker names on the bodies of Rajagopal's model",
+    require=require,
     additional_name="opensim",
     is_folder=True,
     write_result=write,

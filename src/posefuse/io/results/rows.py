@@ -6,6 +6,7 @@ import numpy as np
 
 from posefuse.arrays import ArraySource, ranges
 from posefuse.errors import ResultError
+from posefuse.io.results.format import ResultFacts
 from posefuse.io.results.timing import regular_rows
 from posefuse.model.detections import CHUNK_FRAMES
 from posefuse.model.reconstruction import Reconstruction
@@ -14,7 +15,7 @@ _MAX_EMPTY_ROWS = 1000
 _MAX_ROWS_PER_FRAME = 4
 
 
-def rows_of(result: Reconstruction, form: str) -> tuple[np.ndarray, int]:
+def rows_of(result: Reconstruction | ResultFacts, form: str) -> tuple[np.ndarray, int]:
     """Return the row of each frame, and the number of rows.
 
     Raises:

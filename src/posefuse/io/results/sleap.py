@@ -14,7 +14,7 @@ from posefuse.errors import FileError
 from posefuse.io.files import must_exist, replacing
 from posefuse.io.hdf5 import open_hdf5
 from posefuse.io.results import hdf5
-from posefuse.io.results.format import ResultFormat
+from posefuse.io.results.format import ResultFacts, ResultFormat
 from posefuse.io.results.rows import blocks, rows_of
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
@@ -73,12 +73,17 @@ def read(path: Path) -> StoredPoints:
         )
 
 
+def _require(facts: ResultFacts) -> None:
+    rows_of(facts, "sleap")
+
+
 FORMAT = ResultFormat(
     name="sleap",
     files="points3d.h5",
     conventions=(
         "meters, world axes; tracks (frame, track, node, 3); one row per frame; names and all other fields in a group"
     ),
+    require=_require,
     additional_name="points3d.h5",
     endings=(".h5",),
     name_words=("points3d", "sleap"),

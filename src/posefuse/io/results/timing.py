@@ -3,12 +3,13 @@
 import numpy as np
 
 from posefuse.errors import ResultError
+from posefuse.io.results.format import ResultFacts
 from posefuse.model.reconstruction import Reconstruction
 
 _RATE_TOLERANCE = 0.02
 
 
-def export_rate(result: Reconstruction, form: str) -> float:
+def export_rate(result: Reconstruction | ResultFacts, form: str) -> float:
     """Return the frame rate of a result, for formats with a constant rate.
 
     Raises:
@@ -31,7 +32,7 @@ def export_rate(result: Reconstruction, form: str) -> float:
     return 1.0 / step
 
 
-def regular_rows(result: Reconstruction) -> tuple[np.ndarray, int]:
+def regular_rows(result: Reconstruction | ResultFacts) -> tuple[np.ndarray, int]:
     """Return the row of each frame in a file without gaps, and the number of rows."""
     row_indices = result.frame_numbers - result.frame_numbers[0]
     return row_indices, int(row_indices[-1]) + 1

@@ -9,9 +9,10 @@ import numpy as np
 from posefuse.errors import ResultError, choices, suggestion
 from posefuse.io.files import check_texts
 from posefuse.io.results import c3d, csv, trc
-from posefuse.io.results.format import ResultFormat
+from posefuse.io.results.format import ResultFacts, ResultFormat
 from posefuse.io.results.names import safe_names
 from posefuse.io.results.registry import RESULTS
+from posefuse.io.results.timing import export_rate
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.tracks import TrackState
@@ -155,14 +156,28 @@ def additional_names() -> dict[str, str]:
     return {form.name: form.additional_name for form in RESULTS if form.additional_name}
 
 
+def require_formats(also: Sequence[str], facts: ResultFacts) -> None:
+    """Refuse formats that cannot hold a result, before the result is made.
+
+    Raises:
+        ResultError: if a format cannot hold a result with these facts.
+        FileError: if a name in the result is not a valid file name.
+    """
+    for name in also:
+        form = RESULTS.find_written(name)
+        if form is not None and form.require is not None:
+            form.require(facts)
+
+
 def write_also(result: Reconstruction, folder: Path, also: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
     """Write formats of :func:`additional_names` under their default names, with the same layer as TRC and C3D.
 
     Returns:
-        The names of the files and folders, and notes on what they do not contain.
+        The names of the files and folders, and notes on what they do not contain and which formats could not be
+        written, such as those of a result without people.
 
     Raises:
-        ResultError: if a format is not offered, or cannot hold the result.
+        ResultError: if a format is not offered.
     """
     files, notes = [], []
     for name in dict.fromkeys(also):
@@ -170,7 +185,11 @@ def write_also(result: Reconstruction, folder: Path, also: Sequence[str]) -> tup
         if form is None or not form.additional_name:
             raise ResultError(f"--also: unknown format {name!r}. {suggestion(name, additional_names())}")
         path = folder / form.additional_name
-        written = write(result, path, name)
+        try:
+            written = write(result, path, name)
+        except ResultError as error:
+            notes.append(f"{name} was not written: {error}")
+            continue
         files += [file.name for file in written.files]
         notes += written.notes if form.write_result is not None else _lacks(form, path)
     return files, tuple(notes)
@@ -190,7 +209,7 @@ def write_folder(
     progress: Progress | None = None,
     angles: csv.Angles | None = None,
     tables: Mapping[str, Iterable[Mapping[str, np.ndarray]]] | None = None,
-) -> tuple[list[str], LayerName]:
+) -> tuple[list[str], LayerName, tuple[str, ...]]:
     """Write every default output of a reconstruction except ``reconstruction.nc``.
 
     The outputs are one CSV per layer, ``events.csv`` and ``angles.csv`` if the result has events or angles, and one TRC
@@ -204,7 +223,7 @@ def write_folder(
         tables: additional tables by file name, as ranges of columns by name.
 
     Returns:
-        The file names, in order, and the layer in TRC and C3D.
+        The file names, in order, the layer in TRC and C3D, and a note if they could not be written.
     """
     files = []
     for name in result.layers:
@@ -226,10 +245,15 @@ def write_folder(
     # The frames are read once per file, so the other layers are left out.
     bare = replace(result, layers={layer: points}, tracks=None, swaps=None, poses=None, events=())
     people = people_with_frames(result)
+    try:
+        if people:
+            export_rate(result, "TRC or C3D")
+    except ResultError as error:
+        return files, layer, (f"{error} None was written.",)
     for person, stem in zip(people, safe_names(people), strict=True):
         trc.write(bare, person, folder / f"{stem}.trc", layer, progress)
         files.append(f"{stem}.trc")
         if result.unit == "m":
             c3d.write(bare, person, folder / f"{stem}.c3d", layer, progress)
             files.append(f"{stem}.c3d")
-    return files, layer
+    return files, layer, ()

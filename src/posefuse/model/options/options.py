@@ -136,6 +136,11 @@ class Options:
             )
 
     @property
+    def needs_no_poses(self) -> bool:
+        """Whether the keypoints of a single camera can be placed in its image plane without its calibration."""
+        return self.triangulation.flatten_single_view and self.people != "many" and self.bodies != "fit"
+
+    @property
     def rates_hz(self) -> dict[str, float]:
         """Frame rates in ``view_rates_hz``, by view.
 

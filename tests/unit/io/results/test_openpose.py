@@ -54,7 +54,7 @@ class TestOpenPose:
         assert list(tmp_path.iterdir()) == []
 
     def test_single_camera_result_is_not_projected(self, tmp_path):
-        with pytest.raises(ResultError, match="it has no 3D points to project"):
+        with pytest.raises(ResultError, match="openpose needs 3D points"):
             openpose.write(replace(posed("coco_17", 1), unit="px"), tmp_path / "o", "model")
 
     def test_written_projections_are_not_found_as_keypoints_of_a_recording(self, tmp_path):

@@ -30,7 +30,7 @@ class TestFolder:
         def angles(part):
             return names, np.asarray(part.poses.directions)[..., 0] * 90, np.asarray(part.poses.angle_sd_deg)
 
-        files, layer = write_folder(crowd_result, tmp_path, angles=angles)
+        files, layer, _ = write_folder(crowd_result, tmp_path, angles=angles)
         people = [f"person_{i}.{form}" for i in range(1, 5) for form in ("trc", "c3d")]
         assert files == ["keypoints.csv", "model.csv", "events.csv", "angles.csv", *people]
         assert layer == "model"
@@ -85,7 +85,7 @@ def test_names_of_people_do_not_leave_the_folder(tmp_path):
     names = ["../../x", "/etc/x", "a/b"]
     original = some_result(3, names, ["nose", "tail", "left_paw", "right_paw"], ["a", "b"], 6)
     (tmp_path / "in" / "out").mkdir(parents=True)
-    files, _ = write_folder(original, tmp_path / "in" / "out")
+    files, *_ = write_folder(original, tmp_path / "in" / "out")
     assert [file.name for file in tmp_path.rglob("*") if file.is_file() and file.parent.name != "out"] == []
     assert sorted(files) == sorted(file.name for file in (tmp_path / "in" / "out").iterdir())
     assert {"_.._x.trc", "_etc_x.trc", "a_b.trc", "_.._x.c3d"} <= set(files)
