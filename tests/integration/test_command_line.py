@@ -229,12 +229,22 @@ class TestBadInput:
     def test_no_calibration(self, refused, recording, tmp_path):
         (recording / "calibration.toml").unlink()
         refused(
-            "reconstruct", recording, "-o", tmp_path / "o", words=["No calibrations found in", "--calibration PATH"]
+            "reconstruct",
+            recording,
+            "-o",
+            tmp_path / "o",
+            words=["No calibrations found in", "Set --calibration to"],
         )
 
     def test_no_keypoints(self, refused, recording, tmp_path):
         (recording / "keypoints.nc").unlink()
-        refused("reconstruct", recording, "-o", tmp_path / "o", words=["No sets of 2D keypoints", "--keypoints PATH"])
+        refused(
+            "reconstruct",
+            recording,
+            "-o",
+            tmp_path / "o",
+            words=["No sets of 2D keypoints", "Set --keypoints to"],
+        )
 
     def test_two_calibrations(self, refused, recording, tmp_path):
         (recording / "other.toml").write_text((recording / "calibration.toml").read_text())

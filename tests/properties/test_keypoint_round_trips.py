@@ -161,6 +161,8 @@ def test_openpose_files_keep_all_but_the_reported_losses(seed, frames, views, sk
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "pose"
         openpose.write(detections, path)
-        named = ("the names of the keypoints; read the files with --skeleton body_25",) if skeleton == "body_25" else ()
+        named = (
+            ("the names of the keypoints; read the files with `skeleton='body_25'`",) if skeleton == "body_25" else ()
+        )
         assert openpose.lost(detections, path) == ("times and the frame rate", *named)
         assert posefuse.read_detections(path, skeleton) == as_read(detections)

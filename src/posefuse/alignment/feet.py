@@ -89,7 +89,7 @@ def floor_from_feet(points_m: Sequence[np.ndarray], skeleton: Skeleton, up: np.n
         if up is None:
             raise DetectionsError(
                 f"align.floor = 'feet': all feet are within {100 * plane.spread_m:.0f} cm of one line, which does not "
-                "determine a plane, and the up axis is unknown. Set the up axis (--up) or three points on the floor "
+                "determine a plane, and the up axis is unknown. Set the up axis (`up`) or three points on the floor "
                 "(align.floor_points_m)."
             )
         # Use the lower points: the other foot may be raised.

@@ -62,7 +62,7 @@ def _floor(
         )
     if up is None:
         raise OptionsError(
-            "align: the calibration does not define the up axis. Set it with --up, or estimate the floor with "
+            "align: the calibration does not define the up axis. Set it with `up`, or estimate the floor with "
             "align.floor = 'feet' or align.floor_points_m."
         )
     return Plane(up, np.zeros(3)), "The floor is that of the calibration."

@@ -14,12 +14,12 @@ from posefuse.model.tracks import Tracks, TrackState
 
 PERSON = "person_1"
 NO_PERSON = (
-    "No person was tracked: the views share too few detections, or the cameras do not agree. posefuse inspect "
-    "RECORDING --deep shows why."
+    "No person was tracked: the views share too few detections, or the cameras do not agree. "
+    "`posefuse.inspect_health` shows why."
 )
 _LARGEST = (
-    "--pick largest selects the largest person separately in each view and frame, so views may show different "
-    "people. --exclude-camera, or keypoints with track IDs and --pick track-id, are safer."
+    "`pick='largest'` selects the largest person separately in each view and frame, so views may show different "
+    "people. `exclude_camera`, or keypoints with track IDs and `pick='track-id'`, are safer."
 )
 
 
@@ -94,7 +94,7 @@ def select_subject(detections: Detections, pick: Pick | None, subject_ids: np.nd
         chosen = _by_track_id(detections, subject_ids)
     elif len(crowded) and pick is None:
         f, v = crowded[0]
-        ways = "--pick largest or --pick track-id" if (subject_ids >= 0).any() else "--pick largest"
+        ways = "`pick='largest'` or `pick='track-id'`" if (subject_ids >= 0).any() else "`pick='largest'`"
         raise DetectionsError(
             f"View {detections.view_names[v]!r} shows {counts[f, v]} people in frame {detections.frame_numbers[f]}. "
             f"In this range, {len(crowded)} {'image shows' if len(crowded) == 1 else 'images show'} several people. "
@@ -133,15 +133,15 @@ def longest_subject(detections: Detections, tracks: Tracks) -> SingleSubject:
     detection = np.asarray(tracks.detection)
     if not detection.shape[1]:
         raise DetectionsError(
-            "Views show several people, but no person was tracked, so the subject is unknown. Use --pick largest or "
-            "--pick track-id."
+            "Views show several people, but no person was tracked, so the subject is unknown. Use `pick='largest'` or "
+            "`pick='track-id'`."
         )
     counts = (detection >= 0).sum(axis=(0, 2))
     best = int(np.argmax(counts))
     share = (detection[:, best] >= 0).mean()
     note = (
         f"people = 'one': the subject is the person whom the cameras see longest ({share:.0%} of all frames of all "
-        f"views), out of {len(counts)} tracked people. --pick selects the subject in another way."
+        f"views), out of {len(counts)} tracked people. `pick` selects the subject in another way."
     )
     return SingleSubject(
         detections, None, longest_track_ids(detections), assigned=detection[:, best].astype(np.int32), note=note
@@ -156,7 +156,7 @@ def _by_track_id(detections: Detections, subject_ids: np.ndarray) -> np.ndarray:
     ]
     if busy:
         raise DetectionsError(
-            f"pick = 'track-id', but the people in view {busy[0]!r} have no track IDs. Use --pick largest."
+            f"pick = 'track-id', but the people in view {busy[0]!r} have no track IDs. Use `pick='largest'`."
         )
     chosen = np.full((detections.n_frames, detections.n_views), -1, dtype=np.int32)
     for f in range(detections.n_frames):

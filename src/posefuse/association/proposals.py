@@ -36,12 +36,12 @@ def propose(
             that contradict them are excluded.
 
     Raises:
-        DetectionsError: If the frame does not fit the rig, the skeleton or ``free``.
+        DetectionsError: If the frame does not fit the rig, the skeleton or `'free'`.
     """
     if len(free) != len(frame.view) or len(frame.recorded) != len(rig):
         raise DetectionsError(
             f"Frame {frame.number} has {len(frame.view)} detections in {len(frame.recorded)} views, but the rig has "
-            f"{len(rig)} cameras and `free` has {len(free)} entries. All three must come from the same recording."
+            f"{len(rig)} cameras and 'free' has {len(free)} entries. All three must come from the same recording."
         )
     views = frame.view[free]
     if len(views) < 2 or views[0] == views[-1]:

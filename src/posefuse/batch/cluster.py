@@ -36,13 +36,13 @@ def on_cluster(
         from distributed import Client, as_completed
     except ImportError:
         raise StreamError(
-            f"--scheduler {address} needs Dask, which is not installed. Install it: pip install 'posefuse[cluster]'."
+            f"`scheduler={address!r}` needs Dask, which is not installed. Install it: pip install 'posefuse[cluster]'."
         ) from None
     try:
         client = Client(address, timeout=_CONNECT_S)
     except (OSError, ValueError) as error:
         raise StreamError(
-            f"No Dask scheduler answers at {address}: {error}. Start one (dask scheduler), or remove --scheduler."
+            f"No Dask scheduler answers at {address}: {error}. Start one (dask scheduler), or remove `scheduler`."
         ) from None
 
     def run_pieces(piece_work: Callable[[Path], None], pieces: Sequence[Path]) -> None:

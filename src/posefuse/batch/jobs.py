@@ -40,13 +40,13 @@ def jobs_of(
         OptionsError: if there is no recording, one is inside the output folder, or names are not unique.
     """
     if not folders:
-        raise OptionsError("No recording given. Usage: posefuse batch FOLDER... --output DIR.")
+        raise OptionsError("No recording given. Specify at least one folder.")
     place = output.resolve()
     chosen = [folder for folder in dict.fromkeys(f.resolve() for f in folders) if not _is_result(folder, place)]
     inside = [str(folder) for folder in chosen if place in folder.parents]
     if inside:
         raise OptionsError(
-            f"--output {output} contains recordings of the batch ({choices(inside, 4)}). Choose another folder."
+            f"`output={str(output)!r}` contains recordings of the batch ({choices(inside, 4)}). Choose another folder."
         )
     if not chosen:
         raise OptionsError(

@@ -112,7 +112,7 @@ def _receive(worker: _Worker) -> JobResult | None:
 def _death(process: SpawnProcess) -> str:
     code = process.exitcode or 0
     how = f"by {signal.Signals(-code).name}" if code < 0 else f"with code {code}"
-    hint = " It may have run out of memory; --jobs 1 runs one recording at a time." if code == -signal.SIGKILL else ""
+    hint = " It may have run out of memory; `jobs=1` runs one recording at a time." if code == -signal.SIGKILL else ""
     return f"Its process ended {how}, {_TRIES} times.{hint}"
 
 

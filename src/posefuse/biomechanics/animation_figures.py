@@ -66,8 +66,8 @@ def figure_of_person(result: Reconstruction, person: str) -> AnimatedFigure:
     poses, tree = result.poses, result.skeleton.tree
     if poses is None or tree is None or "model" not in result.layers:
         raise ResultError(
-            "An animation skeleton needs an articulated model, and this result has none. Reconstruct with --bodies fit "
-            "(one subject) or --people many; a skeleton without a tree needs [tree] in its file."
+            "An animation skeleton needs an articulated model, and this result has none. Reconstruct with "
+            "`bodies='fit'` (one subject) or `people='many'`; a skeleton without a tree needs [tree] in its file."
         )
     if (poses.segments, poses.bones, poses.shape_names) != result.skeleton.body_names:
         raise ResultError(

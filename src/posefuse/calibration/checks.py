@@ -101,7 +101,7 @@ def require_coverage(rig: CameraRig, covered: np.ndarray, views: list[int]) -> N
         raise CalibrationError(
             f"These points do not determine focal length and distortion: in the images of {choices(partial)} they "
             "cover less than a third of the width or height, where distance and focal length have the same effect. "
-            "Refine the extrinsics only, or move a board through the whole image (--from board)."
+            "Refine the extrinsics only, or move a board through the whole image (`rigid=True`)."
         )
 
 
@@ -124,7 +124,7 @@ def require_enough_points(observations: PointObservations) -> None:
         raise CalibrationError(
             f"Only {observations.n_points} points are observed by two roughly agreeing cameras; a refinement needs at "
             f"least {MIN_POINTS}. Use more of the recording, or estimate wrong poses without initial values "
-            "(--relocate NAME)."
+            "(`relocate`)."
         )
 
 
@@ -144,7 +144,7 @@ def require_determined(uncertainty: Uncertainty, rig: CameraRig, distance_m: flo
         raise CalibrationError(
             f"These points do not determine the cameras, {rig.names[strongest]!r} least of all: the Schur complement "
             "is singular. Coplanar or collinear points, or too few views of each point, can cause this. Fix two "
-            "unmoved cameras (--fix), or use more of the recording."
+            "unmoved cameras (`fix`), or use more of the recording."
         )
     uncertain = [v for v in range(len(rig)) if not is_determined(uncertainty, v, distance_m)]
     if uncertain:
@@ -157,8 +157,8 @@ def require_determined(uncertainty: Uncertainty, rig: CameraRig, distance_m: flo
             )
         raise CalibrationError(
             f"These points do not determine the cameras accurately enough. Standard deviations would be, for "
-            f"{'; '.join(descriptions)}. Fix such cameras (--fix), exclude them (--exclude-camera), refine fewer "
-            "parameters (--refine extrinsics), use a board (--from board), or use more of the recording; a subject "
+            f"{'; '.join(descriptions)}. Fix such cameras (`fix`), exclude them (`exclude_camera`), refine fewer "
+            "parameters (`refine='extrinsics'`), use a board (`rigid=True`), or use more of the recording; a subject "
             "that moves through the whole volume is most informative."
         )
 

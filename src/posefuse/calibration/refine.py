@@ -298,7 +298,7 @@ def _cameras_to_leave_out(state: RefinementState, options: RefineOptions, *, che
         if movable[v] and uncertainty is not None and checks.is_determined(uncertainty, v, distance_m):
             reasons[names[v]] = (
                 f"its calibrated pose has a reprojection error of {error:.0f} px, worse than without an initial pose; "
-                f"the pose probably belongs to another camera. Use --relocate {names[v]} to estimate it without an "
+                f"the pose probably belongs to another camera. Use `relocate={[names[v]]!r}` to estimate it without an "
                 "initial pose."
             )
     return reasons

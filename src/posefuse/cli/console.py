@@ -1,4 +1,7 @@
-"""Output of the command line: text on stdout; progress, warnings and errors on stderr."""
+"""Output of the command line: text on stdout; progress, warnings and errors on stderr.
+
+Arguments that messages name in backticks are shown as flags (:mod:`posefuse.cli.flags`).
+"""
 
 import math
 import os
@@ -11,6 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextC
 from rich.table import Table
 from rich.text import Text
 
+from posefuse.cli.flags import as_flags
 from posefuse.errors import handle_warnings
 
 _WIDTH = 80
@@ -87,13 +91,13 @@ def table(title: str | None, columns: list[str], rows: list[list[str]], *, words
     for i, column in enumerate(columns):
         view.add_column(column, justify="left" if words or i == 0 else "right", overflow="fold")
     for row in rows:
-        view.add_row(*(Text(cell) for cell in row))
+        view.add_row(*(Text(as_flags(cell)) for cell in row))
     out.print(view)
 
 
 def note(text: str) -> None:
     """Print a sentence, wrapped to the width of the window; longer words, such as paths, are not broken."""
-    out.print(Text(_wrapped(text, out.width)), soft_wrap=True)
+    out.print(Text(_wrapped(as_flags(text), out.width)), soft_wrap=True)
 
 
 def warn(text: str) -> None:
@@ -103,7 +107,7 @@ def warn(text: str) -> None:
 
 def print_problem(kind: str, style: str, text: str) -> None:
     """Print a warning or an error on stderr, wrapped to the width of the window."""
-    whole = _wrapped(kind + text, err.width)
+    whole = _wrapped(kind + as_flags(text), err.width)
     err.print(Text.assemble((kind, style), whole[len(kind) :]), soft_wrap=True)
 
 
@@ -120,14 +124,19 @@ def count(n: int, noun: str) -> str:
 
 def say(text: str) -> None:
     """Print a line without wrapping it."""
-    out.print(Text(text), soft_wrap=True)
+    out.print(Text(as_flags(text)), soft_wrap=True)
 
 
 def wrap_lines(text: str, indent: int) -> list[str]:
     """Return a text in lines of 80 columns, indented, those after the first by four more; no word is broken."""
     first, others = " " * indent, " " * (indent + 4)
     return textwrap.wrap(
-        text, _WIDTH, initial_indent=first, subsequent_indent=others, break_long_words=False, break_on_hyphens=False
+        as_flags(text),
+        _WIDTH,
+        initial_indent=first,
+        subsequent_indent=others,
+        break_long_words=False,
+        break_on_hyphens=False,
     )
 
 

@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from posefuse.cli.console import count, err, warn
+from posefuse.cli.flags import as_flags
 from posefuse.cli.types import OptionFlags
 from posefuse.errors import OptionsError, choices
 from posefuse.model.options.options import Options
@@ -169,4 +170,4 @@ def print_counts(session: "Session") -> None:
 
 
 def _print(text: str) -> None:
-    err.print(Text(text))
+    err.print(Text(as_flags(text)))

@@ -17,9 +17,9 @@ def find(examination: Examination) -> tuple[Finding, ...]:
     if not scores or not moved:
         return ()
     pairs = ", ".join(f"view {names[v]!r} is from camera {names[coarse.model.cameras[v]]!r}" for v in moved)
-    order = " ".join(names[camera] for camera in coarse.model.cameras)
+    order = [names[camera] for camera in coarse.model.cameras]
     sentence = f"The views are assigned to the wrong cameras: {pairs}."
-    remedy = f"Rename the cameras, or set the order: --camera-order {order}"
+    remedy = f"Rename the cameras, or set the order: `camera_order={order!r}`"
     cameras = tuple(names[v] for v in moved)
     size, gain = float(len(moved)), 0.5 * len(moved) * sum(scores)
     return (Finding(FindingKind.CAMERA_ORDER, cameras, None, size, "views", np.nan, 0.97, gain, sentence, remedy),)

@@ -74,13 +74,13 @@ def _finding(examination: Examination, view: int, faults: list[AcceptedFault], c
     if len(names) == 2:
         camera = f"One of the cameras {' and '.join(map(repr, names))}"
     remedy = (
-        f"Estimate its pose with posefuse refine-calibration (--fix names correct cameras), or exclude the camera: "
-        f"--exclude-camera {names[view]}"
+        f"Estimate its pose with `posefuse.refine_calibration` (`fix` names correct cameras), or exclude the camera: "
+        f"`exclude_camera={[names[view]]!r}`"
     )
     if first is not None:
         remedy = (
-            "The camera was bumped. Split the recording there (--start-s, --end-s) and calibrate each part, or exclude "
-            f"the camera: --exclude-camera {names[view]}"
+            "The camera was bumped. Split the recording there (`start_s`, `end_s`) and calibrate each part, or exclude "
+            f"the camera: `exclude_camera={[names[view]]!r}`"
         )
     return Finding(
         kind=FindingKind.CAMERA_POSE,

@@ -16,7 +16,7 @@ from posefuse.model.findings import Finding, FindingKind
 _MIN_DROPPED_FRAMES = 0.5
 _SIGNIFICANT_Z = 3.0
 _TWO = 2
-_REMEDY = "Measure the time offsets with posefuse sync, and correct them with reconstruct --sync FILE."
+_REMEDY = "Measure the time offsets with `posefuse.measure_sync`, and correct them with `sync`."
 
 
 def find(examination: Examination) -> tuple[Finding, ...]:

@@ -21,7 +21,7 @@ def find(examination: Examination) -> tuple[Finding, ...]:
     uninformative = [v for v in range(len(correlations)) if _is_uninformative(correlations, v)]
     known = [v for v, (r, _) in enumerate(correlations) if np.isfinite(r)]
     remedy = (
-        "Do not weight by confidence: --triangulation.confidence-exponent 0. posefuse calibrate-noise estimates the "
+        "Do not weight by confidence: `triangulation.confidence_exponent=0`. `posefuse.calibrate_noise` estimates the "
         "relation of errors to confidence."
     )
     if uninformative and uninformative == known:

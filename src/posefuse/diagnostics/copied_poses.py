@@ -63,8 +63,10 @@ def _finding(examination: Examination, rig: CameraRig, a: int, b: int) -> Findin
     kind = FindingKind.COPIED_POSE
     if identified:
         sentence = f"The pose of camera {wrong!r} is a copy of the pose of camera {right!r}."
-        remedy = f"Calibrate the camera again (posefuse refine-calibration), or exclude it: --exclude-camera {wrong}"
+        remedy = (
+            f"Calibrate the camera again (`posefuse.refine_calibration`), or exclude it: `exclude_camera={[wrong]!r}`"
+        )
         return Finding(kind, (wrong,), None, 0.0, "m", np.nan, 0.99, 1000.0, sentence, remedy)
     sentence = f"Cameras {wrong!r} and {right!r} have the same pose; one is probably a copy of the other."
-    remedy = "Calibrate again, or exclude one of them: --exclude-camera."
+    remedy = "Calibrate again, or exclude one of them: `exclude_camera`."
     return Finding(kind, (wrong, right), None, 0.0, "m", np.nan, 0.9, 1000.0, sentence, remedy)

@@ -45,8 +45,8 @@ def upside_down_finding(points_m: Sequence[np.ndarray], skeleton: Skeleton, rig:
     opposite = rig.up_axis[1:] if rig.up_axis.startswith("-") else f"-{rig.up_axis}"
     return (
         f"People are upside down: their heads are below their feet along the up axis {rig.up_axis}. Either up is "
-        f"{opposite} (--up {opposite}), or the calibration is mirrored, which does not increase reprojection errors if "
-        "the board or floor is flat. --align floor estimates the floor from the feet."
+        f"{opposite} (`up={opposite!r}`), or the calibration is mirrored, which does not increase reprojection errors "
+        "if the board or floor is flat. `align.floor='feet'` estimates the floor from the feet."
     )
 
 
@@ -73,7 +73,7 @@ def below_floor_finding(points_m: Sequence[np.ndarray], skeleton: Skeleton, rig:
     cameras = f"Cameras {choices(low)} are" if len(low) > 1 else f"Camera {choices(low)} is"
     return (
         f"{cameras} below the floor on which people stand. The calibration is mirrored, which does not increase "
-        f"reprojection errors if the board or floor is flat, or up is not {rig.up_axis} (--up)."
+        f"reprojection errors if the board or floor is flat, or up is not {rig.up_axis} (`up`)."
     )
 
 

@@ -14,5 +14,5 @@ def find(examination: Examination) -> tuple[Finding, ...]:
     if not skipped:
         return ()
     sentence = f"The check did not examine {', '.join(skipped)}: that would take too long."
-    remedy = "Correct the other findings and check again; posefuse inspect RECORDING --deep has a higher bound."
+    remedy = "Correct the other findings and check again; `posefuse.inspect_health` has a higher bound."
     return (Finding(FindingKind.INCOMPLETE, (), None, np.nan, "", np.nan, 1.0, 0.0, sentence, remedy),)

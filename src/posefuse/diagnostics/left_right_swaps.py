@@ -94,7 +94,9 @@ def _finding(name: str, share: float, typical: float) -> Finding:
         remedy = "Its images are probably mirrored, or its keypoints are in another order. Exchange left and right."
     else:
         sentence = f"View {name!r} swaps left and right {100 * share:.0f} % of the time."
-        remedy = "--pairs enumerate (the default) corrects swaps frame by frame; --exclude-camera excludes the camera."
+        remedy = (
+            "`pairs='enumerate'` (the default) corrects swaps frame by frame; `exclude_camera` excludes the camera."
+        )
     certainty = min(0.99, 1.0 - 0.5 * max(typical, 0.02) / share)
     kind, gain = FindingKind.LEFT_RIGHT_SWAP, 200.0 * share
     return Finding(kind, (name,), None, share, "share", np.nan, certainty, gain, sentence, remedy)

@@ -81,8 +81,8 @@ def _focal(names: tuple[str, ...], factor: float, sd: float, score: float, certa
     if len(names) > 1:
         sentence = f"The calibrated focal lengths of all cameras are {factor:.2f} times those at which they agree."
     remedy = (
-        "Check the lens, zoom and image size of the calibration, or estimate the focal length with posefuse "
-        "refine-calibration --refine focal."
+        "Check the lens, zoom and image size of the calibration, or estimate the focal length with "
+        "`posefuse.refine_calibration` and `refine='focal'`."
     )
     cameras = names if len(names) == 1 else ()
     kind = FindingKind.FOCAL_LENGTH
@@ -96,7 +96,7 @@ def _distortion(name: str, k1: float, sd: float, score: float, certainty: float)
     )
     remedy = (
         "Check whether the calibration lacks the distortion or belongs to another lens, or whether the keypoints were "
-        "detected in undistorted images; posefuse refine-calibration --refine lens estimates it."
+        "detected in undistorted images; `posefuse.refine_calibration` with `refine='lens'` estimates it."
     )
     kind = FindingKind.LENS_DISTORTION
     return Finding(kind, (name,), None, k1, "k1", sd, certainty, 0.5 * score, sentence, remedy)

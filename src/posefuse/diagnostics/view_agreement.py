@@ -45,7 +45,7 @@ def agreement_finding(layers: Sequence[Layer], rig: CameraRig, noise: NoiseModel
     )
     return (
         f"The views do not agree: {symptom}. Either views are assigned to the wrong cameras (see the matching above, "
-        "--camera-order), or a camera was moved after the calibration, or the calibration belongs to another recording."
+        "`camera_order`), or a camera was moved after the calibration, or the calibration belongs to another recording."
     )
 
 
@@ -69,7 +69,7 @@ def camera_finding(layers: Sequence[Layer], rig: CameraRig) -> str | None:
     return (
         f"Most detections of camera{'s' * several} {shares} contradict the other cameras. "
         f"{'Their' if several else 'Its'} calibration is wrong or belongs to another camera, the camera was moved, or "
-        "it shows another scene. Use --exclude-camera to exclude a camera."
+        "it shows another scene. Use `exclude_camera` to exclude a camera."
     )
 
 
@@ -84,5 +84,5 @@ def coincidence_finding(rig: CameraRig) -> str | None:
     a, b = np.unravel_index(int(distances.argmin()), distances.shape)
     return (
         f"Cameras {rig.names[a]!r} and {rig.names[b]!r} have the same position; one calibration is probably a copy of "
-        "the other. Use --exclude-camera to exclude one of them."
+        "the other. Use `exclude_camera` to exclude one of them."
     )

@@ -30,7 +30,7 @@ def find(examination: Examination) -> tuple[Finding, ...]:
         count = int(seen[:, v].sum())
         shared = float((seen[:, v] & (views_per_point >= 2)).sum() / max(count, 1))
         if count == 0:
-            remedy = f"Exclude the camera: --exclude-camera {name}"
+            remedy = f"Exclude the camera: `exclude_camera={[name]!r}`"
             out.append(_finding((name,), 0.0, f"View {name!r} has no detections.", remedy))
         elif shared < _MIN_SHARED and count >= _MIN_OBSERVATIONS:
             sentence = f"Only {100 * shared:.0f} % of the keypoints in view {name!r} are detected by another camera."

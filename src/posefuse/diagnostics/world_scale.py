@@ -72,5 +72,5 @@ def _remedy(factor: float, meters_per_unit: float) -> str:
     """Return what to do about lengths that are too large by a factor."""
     unit = next((unit for unit, per in _UNITS.items() if 0.4 < factor / (meters_per_unit * per) < 2.5), None)
     if unit:
-        return f"The calibration is probably in {unit}: add --length-unit {unit}."
-    return "Check the length unit of the calibration (--length-unit) and the size of its calibration board."
+        return f"The calibration is probably in {unit}: add `length_unit={unit!r}`."
+    return "Check the length unit of the calibration (`length_unit`) and the size of its calibration board."

@@ -219,7 +219,7 @@ def truth_from_trajectories(
     if not np.isfinite(result.time_s).any():
         raise ResultError(
             f"The result has {result.n_frames} frames without times and the truth has {len(points)}, so they cannot be "
-            "matched. Reconstruct with the frame rate (--rate-hz), or cut the truth to the same frames."
+            "matched. Reconstruct with the frame rate (`rate_hz`), or cut the truth to the same frames."
         )
     if len(time_s) < 2 or not np.all(np.diff(time_s) > 0):
         raise ResultError(f"The truth needs at least two increasing times, got {len(time_s)}.")

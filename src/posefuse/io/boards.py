@@ -37,10 +37,10 @@ def find_board(folder: Path) -> Path:
     files = sorted({file for pattern in _PATTERNS for file in folder.glob(pattern)}, key=lambda f: natural_key(str(f)))
     files = [file for file in files if matches(file)]
     if len(files) != 1:
-        listed = "".join(f"\n  --keypoints {file}" for file in files)
+        listed = "".join(f"\n  `keypoints={str(file)!r}`" for file in files)
         raise RecordingError(
             f"{folder} has {len(files) or 'no'} files of board corners. posefuse reads sleap-anipose's *.metadata.h5 "
-            f"and Caliscope's xy.csv. {'Choose one:' + listed if files else 'Specify one with --keypoints.'}"
+            f"and Caliscope's xy.csv. {'Choose one:' + listed if files else 'Specify one with `keypoints`.'}"
         )
     return files[0]
 

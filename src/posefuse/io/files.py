@@ -293,8 +293,8 @@ def _is_same(path: Path, expected: os.stat_result) -> bool:
 
 def _busy(folder: Path) -> FileError:
     return FileError(
-        f"--output {folder}: another posefuse process is writing to this folder. Wait for it, stop it, or choose "
-        "another folder."
+        f"`output={str(folder)!r}`: another posefuse process is writing to this folder. Wait for it, stop it, or "
+        "choose another folder."
     )
 
 
@@ -332,7 +332,7 @@ def replacing_folder(
             process.
     """
     if folder.exists() and not folder.is_dir():
-        raise FileError(f"--output {folder} is a file. Specify a folder.")
+        raise FileError(f"`output={str(folder)!r}` is a file. Specify a folder.")
     others = (
         sorted(entry.name for entry in folder.iterdir() if entry.name != CHECKPOINT_FOLDER) if folder.is_dir() else []
     )
@@ -340,7 +340,7 @@ def replacing_folder(
     is_result = (folder / marker).exists() or (folder / CHECKPOINT_FOLDER).exists()
     if others and not is_result:
         raise FileError(
-            f"--output {folder} already contains other files ({choices(others, 5)}) "
+            f"`output={str(folder)!r}` already contains other files ({choices(others, 5)}) "
             "and is not a result of this command. Choose a new or empty folder."
         )
     destination = folder.resolve()

@@ -102,10 +102,10 @@ def _reason(file: Path) -> str:
     if file.name == "Config.toml":
         return _SETTINGS_REASON
     if suffix == ".csv" and _safely(timestamps.matches, file):
-        return "timestamps that are not beside the keypoints; use --timestamps"
+        return "timestamps that are not beside the keypoints; use `timestamps`"
     name = _format_name(file) if suffix in _READ_SUFFIXES else None
     if name is not None:
-        return f"{name} keypoints beside or below other input; use --keypoints or --calibration"
+        return f"{name} keypoints beside or below other input; use `keypoints` or `calibration`"
     beginning = _beginning(file) if suffix in _READ_SUFFIXES else b""
     return _content_reason(file, beginning) or (_UNKNOWN_REASON if suffix in _READ_SUFFIXES else _OTHER_REASON)
 

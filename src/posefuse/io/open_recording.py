@@ -144,7 +144,7 @@ def require_times(detections: Detections) -> None:
     """
     if detections.rate_hz is None and not (detections.time_s == detections.time_s).any():
         raise DetectionsError(
-            "The keypoint files do not specify their frame rate, which the results need. Add --rate-hz 60 (or the "
+            "The keypoint files do not specify their frame rate, which the results need. Add `rate_hz=60` (or the "
             "frame rate of your videos)."
         )
 

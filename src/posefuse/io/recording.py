@@ -136,7 +136,7 @@ def find_inputs(
     if calibration is not None and keypoints is not None:
         return InputPaths(calibration, keypoints)
     if candidates and _lacks_rate(folder, candidates[0], options or Options()):
-        problems.append("The keypoint files and the files beside them specify no frame rate. Add --rate-hz.")
+        problems.append("The keypoint files and the files beside them specify no frame rate. Add `rate_hz`.")
     raise RecordingError("\n".join(problems))
 
 
@@ -175,7 +175,7 @@ def choose_calibration(recording: Recording) -> Path:
         broken = next(_broken_calibrations(recording.folder), None)
         if broken is not None:
             raise RecordingError(f"{recording.folder} has one calibration, which cannot be read. {broken}")
-    return _choose(recording.calibrations, recording, "calibrations", "--calibration")
+    return _choose(recording.calibrations, recording, "calibrations", "calibration")
 
 
 def _broken_calibrations(folder: Path) -> Iterator[str]:
@@ -194,7 +194,7 @@ def choose_keypoints(recording: Recording) -> Path:
     Raises:
         RecordingError: If it has none, or more than one.
     """
-    return _choose(recording.keypoints, recording, "sets of 2D keypoints", "--keypoints")
+    return _choose(recording.keypoints, recording, "sets of 2D keypoints", "keypoints")
 
 
 def choose_timestamps(folder: Path, keypoints: Path) -> Path | None:
@@ -207,20 +207,20 @@ def choose_timestamps(folder: Path, keypoints: Path) -> Path | None:
     inside = [each for each in folders if each.is_relative_to(folder.resolve())]
     paths = timestamps.find(inside)
     if len(paths) > 1:
-        listed = "".join(f"\n  --timestamps {path}" for path in paths)
+        listed = "".join(f"\n  `timestamps={str(path)!r}`" for path in paths)
         raise RecordingError(f"{folder} has {len(paths)} sets of timestamps. Choose one:{listed}")
     return paths[0] if paths else None
 
 
-def _choose(found: tuple[RecognizedInput, ...], recording: Recording, what: str, flag: str) -> Path:
+def _choose(found: tuple[RecognizedInput, ...], recording: Recording, what: str, argument: str) -> Path:
     if not found:
         raise RecordingError(
-            f"No {what} found in {recording.folder}{_searched(recording)}. Add {flag} PATH. "
+            f"No {what} found in {recording.folder}{_searched(recording)}. Set `{argument}` to its path. "
             "posefuse formats lists the formats that are read."
         )
     first, *others = found
     if others:
-        listed = "".join(f"\n  {flag} {item.path}  ({item.format})" for item in found)
+        listed = "".join(f"\n  `{argument}={str(item.path)!r}`  ({item.format})" for item in found)
         raise RecordingError(f"{recording.folder} has {len(found)} {what}. Choose one:{listed}")
     return first.path
 

@@ -90,7 +90,7 @@ class LineReader:
             return RejectedLine("impossible number", reason, view)
         if len(message.people) > self.max_people:
             reason = (
-                f"one view has {len(message.people)} people; at most {self.max_people} are allowed (--max-view-people)."
+                f"one view has {len(message.people)} people; at most {self.max_people} are allowed (`max_view_people`)."
             )
             return RejectedLine("too many people", reason, view)
         return self._detections(message, view)
@@ -102,7 +102,7 @@ class LineReader:
             if len(person.keypoints) != keypoints:
                 reason = (
                     f"people[{p}] has {len(person.keypoints)} keypoints; the skeleton of this stream has {keypoints}. "
-                    "Choose the skeleton with --skeleton."
+                    "Choose the skeleton with `skeleton`."
                 )
                 return RejectedLine("wrong keypoints", reason, view)
             if not -1 <= person.track_id < 1 << 62:
@@ -170,7 +170,7 @@ def lines_of(detections: Detections, cameras: Sequence[str] | None = None) -> It
         DetectionsError: If the recording has no times.
     """
     if not (np.asarray(detections.recorded) & np.isfinite(detections.time_s)).any():
-        raise DetectionsError("The keypoint files do not specify the frame rate. Add it, such as --rate-hz 60.")
+        raise DetectionsError("The keypoint files do not specify the frame rate. Add it, such as `rate_hz=60`.")
     for chunk in detections.chunks():
         sent = np.asarray(chunk.recorded) & np.isfinite(chunk.time_s)
         for f, v in np.argwhere(sent).tolist():

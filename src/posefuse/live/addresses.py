@@ -66,7 +66,7 @@ def parse_address(text: str) -> Address:
         path = text.removeprefix("unix:").removeprefix("//")
         if not path:
             raise OptionsError(
-                "--input unix: the path of the socket is missing; expected an address such as unix:/tmp/posefuse.sock."
+                "`input='unix:'`: the path of the socket is missing; expected an address such as unix:/tmp/p.sock."
             )
         return Address("unix", name=path)
     kinds: dict[str, Kind] = {"tcp": "tcp", "zmq+pull": "zmq+pull", "zmq+sub": "zmq+sub", "nats": "nats"}
@@ -75,7 +75,7 @@ def parse_address(text: str) -> Address:
         listed = "".join(f"\n  {example}  ({meaning})" for example, meaning in EXAMPLES.items())
         near = suggestion(kind, kinds)
         meant = f" {near}" if "://" in text and near.startswith("Did") else ""
-        raise OptionsError(f"--input: {text!r} is not an address.{meant} Valid forms:{listed}")
+        raise OptionsError(f"`input`: {text!r} is not an address.{meant} Valid forms:{listed}")
     return _network(kinds[kind], text)
 
 
@@ -84,19 +84,19 @@ def _network(kind: Kind, text: str) -> Address:
         parts = urlsplit(text)
         host, port = parts.hostname, parts.port
     except ValueError as error:
-        raise OptionsError(f"--input {text}: {error}.") from None
+        raise OptionsError(f"`input={text!r}`: {error}.") from None
     if parts.username is not None or parts.query or parts.fragment:
-        raise OptionsError(f"--input {text}: an address must have a host, a port and optionally a name.")
+        raise OptionsError(f"`input={text!r}`: an address must have a host, a port and optionally a name.")
     name = unquote(parts.path.removeprefix("/"))
     if kind == "nats":
         if not name or any(character.isspace() for character in name):
-            raise OptionsError(f"--input {text}: the subject is missing; expected nats://host:4222/subject.")
+            raise OptionsError(f"`input={text!r}`: the subject is missing; expected nats://host:4222/subject.")
         port = port or 4222
     if port is None:
         meant = f"{kind}://{LOOPBACK}:{host}" if host and host.isdigit() else f"{kind}://{host or LOOPBACK}:5570"
-        raise OptionsError(f"--input {text}: the port is missing; expected {meant}.")
+        raise OptionsError(f"`input={text!r}`: the port is missing; expected {meant}.")
     if kind in ("tcp", "zmq+pull") and name:
-        raise OptionsError(f"--input {text}: {kind} takes no name after the port, got {name!r}.")
+        raise OptionsError(f"`input={text!r}`: {kind} takes no name after the port, got {name!r}.")
     return Address(kind, host or LOOPBACK, port, name)
 
 

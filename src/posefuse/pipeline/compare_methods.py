@@ -66,7 +66,7 @@ def compare_methods(
     notes = [note for plan in plans for note in plan.provenance.notes]
     if options.pairs == "labels":
         notes.append(
-            "All methods use the left and right labels as they are; --pairs enumerate corrects swapped labels first."
+            "All methods use the left and right labels as they are; `pairs='enumerate'` corrects swapped labels first."
         )
     return Comparison(
         methods=tuple(_measure_method(plan, truth_of, timed, progress) for plan in plans),

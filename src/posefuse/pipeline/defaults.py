@@ -71,7 +71,7 @@ def cut_time(detections: Detections, options: Options) -> Detections:
     known = detections.recorded & np.isfinite(detections.time_s)
     times = np.where(known, detections.time_s, np.inf).min(axis=1)
     if not np.isfinite(times).all():
-        raise DetectionsError("start_s and end_s need times, but the files contain no frame rate. Add --rate-hz.")
+        raise DetectionsError("start_s and end_s need times, but the files contain no frame rate. Add `rate_hz`.")
     start = 0 if options.start_s is None else int(np.searchsorted(times, options.start_s - 1e-9))
     stop = len(times) if options.end_s is None else int(np.searchsorted(times, options.end_s - 1e-9))
     if start >= stop:
@@ -152,8 +152,8 @@ def unused_side_options(options: Options) -> tuple[str, ...]:
         return ()
     return (
         f"{' and '.join(given)} {'has' if len(given) == 1 else 'have'} no effect: the left/right labels are used as "
-        "they are (pairs = 'labels'). --pairs enumerate corrects them, with a method that supports it and at least two "
-        "cameras.",
+        "they are (pairs = 'labels'). `pairs='enumerate'` corrects them, with a method that supports it and at least "
+        "two cameras.",
     )
 
 
@@ -170,10 +170,7 @@ def resolve_solve(options: Options, facts: RecordingFacts, n_cameras: int) -> Op
     if options.solve == "trajectory" and n_cameras == 1:
         raise OptionsError("solve = 'trajectory' needs two cameras or more; this rig has one. Remove this option.")
     if options.solve == "trajectory" and not facts.timed:
-        raise DetectionsError(
-            "solve = 'trajectory' needs times, but the files contain no frame rate. Add --rate-hz, or in Python: "
-            "detections.with_rate(60)."
-        )
+        raise DetectionsError("solve = 'trajectory' needs times, but the files contain no frame rate. Add `rate_hz`.")
     if options.solve != "auto":
         return options
     over_time = find_method(options.triangulation.method).supports_trajectory

@@ -99,11 +99,11 @@ def measure_sync(
     examination, timings = recording_check.measure_timing(*subjects, effort, reference)
     if timings is None:
         raise DetectionsError(
-            "The views do not agree well enough to measure their time offsets. Find the cause with posefuse inspect "
-            "RECORDING --deep."
+            "The views do not agree well enough to measure their time offsets. Find the cause with "
+            "`posefuse.inspect_health`."
         )
     if not examination.observations.rate_known:
-        raise DetectionsError("sync needs times, but the files contain no frame rate. Add --rate-hz.")
+        raise DetectionsError("sync needs times, but the files contain no frame rate. Add `rate_hz`.")
     return timings, recording_check.sync_options(timings)
 
 

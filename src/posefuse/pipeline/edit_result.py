@@ -57,7 +57,7 @@ def edit_result(
     source = path.parent.resolve()
     output = output or source.with_name(f"{source.name}_edited")
     if output.resolve() == source:
-        raise EditError(f"--output {output} is the result itself. Choose another folder; the original is kept.")
+        raise EditError(f"`output={str(output)!r}` is the result itself. Choose another folder; the original is kept.")
     with replacing_folder(output) as staging:
         write_edited(before, loaded, staging / "reconstruction.nc")
         after = netcdf.read_reconstruction(staging / "reconstruction.nc")

@@ -69,7 +69,7 @@ class RecordingSource:
             raise CalibrationError(
                 f"Camera {name!r} has no pose and cannot be located from keypoints of several people, because people "
                 "cannot be associated before the pose is known. Use a part of the recording with one person "
-                "(--start-s, --end-s), or a board (--from board)."
+                "(`start_s`, `end_s`), or a board (`rigid=True`)."
             )
         one = self.detections.views([name])
         pixels = np.full((self.n_frames, len(one.skeleton), 2), np.nan)

@@ -57,7 +57,7 @@ def refine_recording(
     calibration, rig, detections = _read(recording, inputs or RecordingInputs(), source, options, progress)
     if output.exists() and output.resolve() == calibration.resolve():
         raise FileError(
-            f"--output {output} is the calibration to refine, which is never overwritten. Choose another file."
+            f"`output={str(output)!r}` is the calibration to refine, which is never overwritten. Choose another file."
         )
     check_name(output, calibration)
     if source == "board":
@@ -88,7 +88,7 @@ def _with_notes(result: Refinement, calibration: Path, source: Source) -> Camera
     """Return the refined rig with notes on how it was made, without clock or path."""
     frames = f"{result.n_held_out} frame" + ("" if result.n_held_out == 1 else "s")
     notes = [
-        f"Refined by posefuse {version('posefuse')} refine-calibration --refine {result.refine} --from {source} from "
+        f"Refined by posefuse {version('posefuse')} refine-calibration ({result.refine}, by {source}) from "
         f"{calibration.name} (SHA-256 {digest_path(calibration)}).",
         f"Median error in {frames} held out: {result.before_px:.2f} px before, {result.after_px:.2f} px after.",
     ]

@@ -61,7 +61,7 @@ def require_known_formats(also: Sequence[str]) -> None:
     for name in also:
         if name not in offered:
             raise OptionsError(
-                f"--also {name}: there is no additional format with this name. {suggestion(name, offered)}"
+                f"`also={[name]!r}`: there is no additional format with this name. {suggestion(name, offered)}"
             )
 
 

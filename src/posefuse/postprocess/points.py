@@ -94,8 +94,7 @@ class Clock:
         steps = steps[steps > 0.0]
         if not len(steps) and rate_hz is None:
             raise DetectionsError(
-                "Filling and smoothing need frame times, and this recording has no frame rate. Set --rate-hz, or in "
-                "Python: detections.with_rate(60)."
+                "Filling and smoothing need frame times, and this recording has no frame rate. Set `rate_hz`."
             )
         return cls(time_s, float(np.median(steps)) if len(steps) else 1.0 / float(rate_hz or 1.0))
 

@@ -85,12 +85,12 @@ def _by_name(rig: CameraRig, detections: Detections) -> tuple[str, ...]:
             problem = "matches no camera by name" if not found else f"could be any of {choices(found)}"
             raise MatchError(
                 f"View {view!r} {problem}. Views: {choices(detections.view_names)}. Cameras: {choices(rig.names)}. "
-                "To match them in another way, use --camera-order: one camera name per view, in the order of the views "
+                "To match them in another way, use `camera_order`: one camera name per view, in the order of the views "
                 "above."
             )
         names.append(found[0])
     if len(set(names)) != len(names):
         repeated = next(name for name in names if names.count(name) > 1)
         views = [view for view, name in zip(detections.view_names, names, strict=True) if name == repeated]
-        raise MatchError(f"Views {choices(views)} all match camera {repeated!r}. Rename them, or use --camera-order.")
+        raise MatchError(f"Views {choices(views)} all match camera {repeated!r}. Rename them, or use `camera_order`.")
     return tuple(names)

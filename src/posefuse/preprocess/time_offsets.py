@@ -54,7 +54,7 @@ def shift_views(detections: Detections, cameras: tuple[str, ...], sync: SyncOpti
     everything = detections.frames(0, detections.n_frames)
     stated = np.array(everything.time_s)
     if not np.isfinite(stated).any():
-        raise DetectionsError("sync needs times, but the files contain no frame rate. Add --rate-hz.")
+        raise DetectionsError("sync needs times, but the files contain no frame rate. Add `rate_hz`.")
     for v in range(stated.shape[1]):
         stated[:, v] = fill_missing_times(stated[:, v], everything.frame_numbers)
     common = np.nanmean(stated, axis=1)

@@ -277,7 +277,7 @@ def uneven_lengths(detections: Detections) -> str | None:
     listed = choices([f"{name} {n}" for name, n in zip(detections.view_names, counts.tolist(), strict=True)])
     return (
         f"Views have unequal numbers of frames ({listed}) and no times, so they are aligned by frame number. "
-        "--timestamps or --view-rates-hz gives the times of frames."
+        "`timestamps` or `view_rates_hz` gives the times of frames."
     )
 
 

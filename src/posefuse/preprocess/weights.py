@@ -55,7 +55,7 @@ def weight_by_sigma(detections: Detections, options: Options, default_px: float 
         return WeightedDetections(options, unweighted, ())
     note = (
         "Detections are weighted by their standard deviations in the files; a common scale is estimated from the "
-        "recording. --noise-scale-px weights all detections equally."
+        "recording. `noise_scale_px` weights all detections equally."
     )
     triangulation = replace(options.triangulation, confidence_exponent=1.0)
     return WeightedDetections(replace(options, triangulation=triangulation), found, (note,))

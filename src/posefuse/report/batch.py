@@ -8,6 +8,7 @@ from importlib.resources import files
 from urllib.parse import quote
 
 from posefuse.model.batch import JobResult, ResultStatistics
+from posefuse.report.messages import message_html
 
 _COLUMNS = ("recording", "outcome", *ResultStatistics.__dataclass_fields__, "warnings", "why")
 _NO_RESULT = ("failed", "not done")
@@ -40,7 +41,7 @@ def batch_page(outcomes: Sequence[JobResult]) -> str:
     css = files("posefuse.report").joinpath("assets", "report.css").read_text("utf-8")
     head = "".join(f"<th>{escape(name)}</th>" for name in _HEADINGS)
     rows = "".join(_row(each) for each in outcomes)
-    reasons = "".join(f"<tr><th>{escape(each.name)}</th><td>{escape(each.why)}</td></tr>" for each in failed)
+    reasons = "".join(f"<tr><th>{escape(each.name)}</th><td>{message_html(each.why)}</td></tr>" for each in failed)
     failures = f"<h2>Not reconstructed</h2><table>{reasons}</table>" if failed else ""
     heading = "1 recording" if len(outcomes) == 1 else f"{len(outcomes)} recordings"
     return (
@@ -64,7 +65,7 @@ def _row(each: JobResult) -> str:
             _format(n.seconds, 1), str(n.cameras), str(n.people), _format(share, 1, " %"), _format(n.median_px, 2),
             _format(n.p90_px, 2), _format(n.sd_mm, 1),
         ]  # fmt: skip
-    notes = "".join(f'<br><span class="hint">{escape(warning)}</span>' for warning in each.warnings)
+    notes = "".join(f'<br><span class="hint">{message_html(warning)}</span>' for warning in each.warnings)
     return "<tr>" + "".join(f"<td>{cell}</td>" for cell in [cells[0] + notes, *cells[1:]]) + "</tr>"
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus
 from posefuse.report.heat_map import REJECTED, USED, HeatMap
+from posefuse.report.messages import message_html
 from posefuse.report.series import Gap, TimeSeries
 from posefuse.report.summary import Summary
 
@@ -36,7 +37,7 @@ def highlights_section(
     ]
     finding_list = (
         "<h3>Findings of the recording check</h3><ol>"
-        + "".join(f"<li>{escape(text)}</li>" for text in findings)
+        + "".join(f"<li>{message_html(text)}</li>" for text in findings)
         + "</ol>"
         if findings
         else ""

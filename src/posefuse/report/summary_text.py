@@ -1,13 +1,12 @@
 """The summary of a result in sentences: what was computed from which input, and how accurate it is."""
 
-from html import escape
-
 import numpy as np
 
 from posefuse.evaluation.accuracy import Accuracy
 from posefuse.evaluation.people import PeopleScores
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus
+from posefuse.report.messages import message_html
 from posefuse.report.people import format_event_counts
 from posefuse.report.summary import Summary, format_sources, layer_origin
 
@@ -24,7 +23,7 @@ def summary_paragraphs(
         *_describe_events_and_gaps(result, summary),
         note,
     ]
-    return "".join(f"<p>{escape(sentence)}</p>" for sentence in sentences if sentence)
+    return "".join(f"<p>{message_html(sentence)}</p>" for sentence in sentences if sentence)
 
 
 def _describe_input(result: Reconstruction, summary: Summary) -> list[str]:
@@ -76,7 +75,7 @@ def _describe_accuracy(accuracy: Accuracy | PeopleScores | None) -> list[str]:
 def _describe_world(result: Reconstruction) -> list[str]:
     sentences = []
     if result.rig.up_axis is None and result.unit == "m":
-        sentences.append("The up axis of the world is unknown, so exports are not rotated. Set it with --up.")
+        sentences.append("The up axis of the world is unknown, so exports are not rotated. Set it with `up`.")
     if result.unit != "m":
         sentences.append("One camera: coordinates are pixels in its image plane, not positions in the world.")
     return sentences

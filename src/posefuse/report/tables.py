@@ -12,6 +12,7 @@ from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.report.heat_map import MISSING, REJECTED, USED, HeatMap
 from posefuse.report.highlights import format_interval, frame_button
+from posefuse.report.messages import message_html
 from posefuse.report.series import Gap, TimeSeries
 from posefuse.report.summary import Summary
 
@@ -84,7 +85,7 @@ def notes_list(result: Reconstruction) -> str:
     notes = result.provenance.notes
     inputs = [f"{name} (sha-256 {digest[:12]})" for name, digest in result.provenance.inputs.items()]
     items = [*notes, *(["Input files: " + ", ".join(inputs)] if inputs else [])]
-    return "<ul>" + "".join(f"<li>{escape(item)}</li>" for item in items) + "</ul>" if items else "<p>None.</p>"
+    return "<ul>" + "".join(f"<li>{message_html(item)}</li>" for item in items) + "</ul>" if items else "<p>None.</p>"
 
 
 def options_table(options: Options) -> str:

@@ -75,7 +75,7 @@ class FrameClock:
         if not known:
             raise DetectionsError(
                 f"Frame {frame.number} has no time, which the motion model needs. Specify the frame rate of the "
-                "recording (--rate-hz, Options.rate_hz), or times (time_s of a Frame)."
+                "recording (`rate_hz`), or times (time_s of a Frame)."
             )
         # Views of a frame that were taken one after the other are processed one after the other.
         return math.fsum(known) / len(known) if max(known) - min(known) < _SAME_TIME_S else max(known)

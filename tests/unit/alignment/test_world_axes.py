@@ -106,7 +106,7 @@ class TestPipeline:
 
     def test_missing_up_axis_is_an_error(self, walker):
         rig = replace(walker.rig, up_axis=None)
-        with pytest.raises(OptionsError, match="--up"):
+        with pytest.raises(OptionsError, match="`up`"):
             posefuse.reconstruct(rig, walker.detections, Options(align=AlignOptions(forward="walk")))
 
 

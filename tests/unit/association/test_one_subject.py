@@ -37,9 +37,9 @@ def test_single_person_needs_no_selection():
 
 
 def test_several_people_need_a_selection():
-    with pytest.raises(DetectionsError, match=r"View 'b' shows 2 people in frame 1\. .*with --pick largest, or"):
+    with pytest.raises(DetectionsError, match=r"View 'b' shows 2 people in frame 1\. .*with `pick='largest'`, or"):
         chosen(detections_of_sizes([[[5], [5]], [[5], [5, 6]]]), None)
-    with pytest.raises(DetectionsError, match="--pick largest or --pick track-id"):
+    with pytest.raises(DetectionsError, match="`pick='largest'` or `pick='track-id'`"):
         chosen(detections_of_sizes([[[5], [5]], [[5], [5, 6]]], [1, 1, 1, 1, 2]), None)
 
 
@@ -59,7 +59,7 @@ def test_longest_subject_has_the_most_detections_in_all_views():
     assert subject.tracks(0, 3).detection[:, 0].tolist() == rows[:, 1].tolist()
     assert subject.tracks(1, 2).detection[:, 0].tolist() == [[1, 1]]
     assert "whom the cameras see longest (83% of" in subject.note
-    with pytest.raises(DetectionsError, match="no person was tracked.*--pick largest"):
+    with pytest.raises(DetectionsError, match="no person was tracked.*`pick='largest'`"):
         longest_subject(detections, Tracks((), rows[:, :0], np.zeros((3, 0), dtype=np.int8)))
 
 
@@ -83,5 +83,5 @@ def test_selects_the_longest_track_id_of_each_view():
 
 
 def test_raises_if_track_ids_are_missing():
-    with pytest.raises(DetectionsError, match="people in view 'a' have no track IDs. Use --pick largest"):
+    with pytest.raises(DetectionsError, match="people in view 'a' have no track IDs. Use `pick='largest'`"):
         chosen(detections_of_sizes([[[1, 1], [1]]]), "track-id")

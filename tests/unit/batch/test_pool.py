@@ -13,5 +13,5 @@ def test_dying_process_does_not_affect_other_jobs(tmp_path):
         "dies": "failed", "a": "done", "diesonce": "done", "b": "done", "c": "done",
     }  # fmt: skip
     assert "SIGKILL" in actual["dies"].why
-    assert "--jobs 1" in actual["dies"].why
+    assert "`jobs=1`" in actual["dies"].why
     assert [name for name in os.environ if name == "NUMBA_NUM_THREADS"] == []

@@ -30,7 +30,7 @@ class TestFindings:
         rig = replace(walker.rig, up_axis="-z")
         (finding,) = floor_findings([true_points], walker.truth.skeleton, rig)
         assert "upside down" in finding
-        assert "--up z" in finding
+        assert "`up='z'`" in finding
 
     def test_camera_below_the_floor_is_reported(self, walker, true_points):
         pose = walker.rig.cameras[0].camera_from_world.copy()

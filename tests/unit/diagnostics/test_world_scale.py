@@ -29,7 +29,7 @@ def test_bodies_of_another_size_than_stated_name_the_unit(factor, meters_per_uni
     finding = scale_finding([points], parse_skeleton(MOUSE, "mouse.toml"), meters_per_unit)
     assert finding is not None
     assert f"bodies measure {0.0831 * factor:.3g} m" in finding
-    assert f"is probably in {unit}: add --length-unit {unit}." in finding
+    assert f"is probably in {unit}: add `length_unit={unit!r}`." in finding
 
 
 @pytest.mark.parametrize("factor", [0.5, 1.0, 3.0])
@@ -53,7 +53,7 @@ def test_people_are_judged_by_their_bones():
         points[:, skeleton.index(b)] = [1000.0 * np.sqrt(low * high), 0.0, 0.0]
     finding = scale_finding([points], skeleton, 1.0)
     assert finding is not None
-    assert "add --length-unit mm" in finding
+    assert "add `length_unit='mm'`" in finding
 
 
 @pytest.mark.parametrize("people", ["one", "many"])
@@ -73,4 +73,4 @@ def test_reconstruction_in_wrong_units_warns(rng, people):
         posefuse.reconstruct(rig, detections, posefuse.Options(people=people))
     texts = [str(each.message) for each in warned]
     assert any(text.startswith("The scale is wrong for this skeleton") for text in texts)
-    assert any("--length-unit mm" in text for text in texts)
+    assert any("`length_unit='mm'`" in text for text in texts)

@@ -46,7 +46,7 @@ def test_corners_of_caliscope(tmp_path):
 
 
 def test_files_without_a_board_are_refused_with_the_option(tmp_path):
-    with pytest.raises(RecordingError, match="--keypoints"):
+    with pytest.raises(RecordingError, match="`keypoints"):
         find_board(tmp_path)
     (tmp_path / "xy.csv").write_text("a,b\n1,2\n")
     with pytest.raises(FileError, match="contains no board corners"):

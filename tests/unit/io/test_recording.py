@@ -53,8 +53,8 @@ def test_several_candidates_are_listed_with_their_option(tmp_path):
     with pytest.raises(RecordingError) as error:
         choose_calibration(recording)
     assert "2 calibrations" in str(error.value)
-    assert f"--calibration {tmp_path / 'new.toml'}  (anipose)" in str(error.value)
-    with pytest.raises(RecordingError, match="--keypoints .*pose-associated  .openpose."):
+    assert f"`calibration={str(tmp_path / 'new.toml')!r}`  (anipose)" in str(error.value)
+    with pytest.raises(RecordingError, match="`keypoints=.*pose-associated'`  .openpose."):
         choose_keypoints(recording)
 
 
@@ -63,9 +63,9 @@ def test_missing_input_is_an_error_with_the_option(tmp_path):
     (tmp_path / "videos" / "cam.mp4").touch()
     np.save(tmp_path / "lengths.npy", np.zeros((3, 4)))
     recording = find_recording(tmp_path)
-    with pytest.raises(RecordingError, match="No calibrations found in .*Add --calibration PATH"):
+    with pytest.raises(RecordingError, match="No calibrations found in .*Set `calibration` to its path"):
         choose_calibration(recording)
-    with pytest.raises(RecordingError, match="No sets of 2D keypoints found in .*Add --keypoints PATH"):
+    with pytest.raises(RecordingError, match="No sets of 2D keypoints found in .*Set `keypoints` to its path"):
         choose_keypoints(recording)
     with pytest.raises(FileError, match="No recording at"):
         find_recording(tmp_path / "nowhere")
@@ -78,7 +78,7 @@ def test_calibration_file_alone_has_no_keypoints(tmp_path):
     anipose.write(SCENE.rig, tmp_path / "calibration.toml")
     recording = find_recording(tmp_path / "calibration.toml")
     assert choose_calibration(recording) == tmp_path / "calibration.toml"
-    with pytest.raises(RecordingError, match=r"No sets of 2D keypoints found in .*calibration.toml\. Add --keypoints"):
+    with pytest.raises(RecordingError, match=r"No sets of 2D keypoints found in .*calibration.toml\. Set `keypoints`"):
         choose_keypoints(recording)
 
 
@@ -248,18 +248,18 @@ class TestFindInputs:
         with pytest.raises(RecordingError) as caught:
             find_inputs(ambiguous)
         message = str(caught.value)
-        for words in ("2 calibrations", "2 sets of 2D keypoints", "Add --rate-hz"):
+        for words in ("2 calibrations", "2 sets of 2D keypoints", "Add `rate_hz`"):
             assert words in message
         for path in ("a.toml", "b.toml"):
-            assert f"--calibration {ambiguous / path}" in message
+            assert f"`calibration={str(ambiguous / path)!r}`" in message
         for path in ("a", "b"):
-            assert f"--keypoints {ambiguous / path}" in message
+            assert f"`keypoints={str(ambiguous / path)!r}`" in message
 
     def test_choices_that_are_made_are_not_reported(self, ambiguous):
         with pytest.raises(RecordingError) as caught:
             find_inputs(ambiguous, keypoints=ambiguous / "a", options=Options(rate_hz=30.0))
         assert "keypoints" not in str(caught.value)
-        assert "--rate-hz" not in str(caught.value)
+        assert "`rate_hz`" not in str(caught.value)
         actual = find_inputs(ambiguous, ambiguous / "b.toml", ambiguous / "a")
         assert actual == InputPaths(ambiguous / "b.toml", ambiguous / "a")
 

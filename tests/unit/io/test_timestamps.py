@@ -214,7 +214,7 @@ def test_frame_numbers_that_agree_with_times_are_kept(tmp_path):
 
 def test_several_timestamps_are_an_error(recording, capsys):
     other = table(recording / "mixed" / "other.csv")
-    with pytest.raises(RecordingError, match=r"has 2 sets of timestamps. Choose one:\s+--timestamps .*other.csv"):
+    with pytest.raises(RecordingError, match=r"has 2 sets of timestamps. Choose one:\s+`timestamps=.*other.csv"):
         choose_timestamps(recording / "mixed", recording / "mixed" / "pose")
     other.unlink()
     with pytest.raises(SystemExit):

@@ -33,7 +33,7 @@ class TestTime:
     def test_time_range_needs_times(self, rng):
         rig = ring(3)
         detections = simulate_detections(rig, body_points(rng, 2), rng, rate_hz=None)
-        with pytest.raises(DetectionsError, match="Add --rate-hz"):
+        with pytest.raises(DetectionsError, match="Add `rate_hz`"):
             reconstruct(rig, detections, Options(start_s=1.0))
         assert np.isnan(reconstruct(rig, detections).time_s).all()
 
@@ -158,5 +158,5 @@ def test_wrong_scale_is_reported(factor, unit, rng):
         result = reconstruct(rig, scene.detections)
     assert len(messages) == 1
     if unit:
-        assert f"add --length-unit {unit}" in str(messages[0].message)
+        assert f"add `length_unit={unit!r}`" in str(messages[0].message)
     assert any("scale is wrong" in note for note in result.provenance.notes)

@@ -121,7 +121,7 @@ def test_unknown_formats_and_missing_rates_are_refused_before_any_work(scene, tm
     folder.mkdir()
     timeless = replace(scene.detections, rate_hz=None, time_s=np.full_like(scene.detections.time_s, np.nan))
     write_scene(replace(scene, detections=timeless), folder)
-    with pytest.raises(DetectionsError, match="--rate-hz"):
+    with pytest.raises(DetectionsError, match="`rate_hz"):
         posefuse.reconstruct_recording(folder, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 

@@ -142,7 +142,7 @@ def test_unreliable_points_are_dropped_with_a_status(scene):
 
 def test_filters_without_times_are_an_error(scene):
     timeless = replace(scene.detections, time_s=np.full_like(scene.detections.time_s, np.nan), rate_hz=None)
-    with pytest.raises(DetectionsError, match="--rate-hz"):
+    with pytest.raises(DetectionsError, match="`rate_hz"):
         posefuse.reconstruct(scene.rig, timeless, Options(solve="frame", postprocess=EVERYTHING))
 
 
@@ -219,7 +219,7 @@ def test_windows_of_a_trajectory_join_smoothly():
 
 def test_trajectory_needs_times_and_two_cameras(scene):
     timeless = replace(scene.detections, time_s=np.full_like(scene.detections.time_s, np.nan), rate_hz=None)
-    with pytest.raises(DetectionsError, match="--rate-hz"):
+    with pytest.raises(DetectionsError, match="`rate_hz"):
         resolve_solve(Options(solve="trajectory"), RecordingFacts.of(timeless), 3)
     assert resolve_solve(Options(), RecordingFacts.of(timeless), 3).solve == "frame"
     with pytest.raises(OptionsError, match="two cameras"):

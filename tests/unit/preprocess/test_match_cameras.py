@@ -35,7 +35,7 @@ class TestMatching:
 
     def test_views_are_not_matched_by_position(self):
         with pytest.raises(
-            MatchError, match=r"View '0' matches no camera by name.*Cameras: left, right.*--camera-order"
+            MatchError, match=r"View '0' matches no camera by name.*Cameras: left, right.*`camera_order`"
         ):
             match_views(named(ring(2), "left", "right"), views("0", "1"), Options())
 

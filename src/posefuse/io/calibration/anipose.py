@@ -56,7 +56,7 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
     chosen = unit or stated_unit
     if chosen is None:
         chosen = guess_unit((table.get("rotation"), table.get("translation")) for table in tables.values())
-        notes = (f"{path.name} does not specify its unit of length; assumed {chosen}. Set it with --length-unit.",)
+        notes = (f"{path.name} does not specify its unit of length; assumed {chosen}. Set it with `length_unit`.",)
     cameras = tuple(camera_from_table(path, key, table, METERS_PER_UNIT[chosen]) for key, table in tables.items())
     notes = (*texts(path, metadata, "notes"), *notes)
     left_out = texts(path, metadata, "left_out")
@@ -92,7 +92,7 @@ def write(rig: CameraRig, path: Path) -> None:
 FORMAT = CalibrationFormat(
     name="anipose",
     files="*.toml, tables cam_0, cam_1, ... (also FreeMoCap)",
-    conventions=("the board's unit, often mm: --length-unit; up axis unknown: --up; world to camera; Rodrigues vector"),
+    conventions=("the board's unit, often mm: `length_unit`; up axis unknown: `up`; world to camera; Rodrigues vector"),
     recognized_by="TOML with tables cam_0, cam_1, ... of name, matrix, rotation",
     matches=matches,
     read=read,

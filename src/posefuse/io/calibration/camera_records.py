@@ -77,7 +77,7 @@ def build_rig(
         chosen = guess_unit((row.rotation, row.translation) for row in rows)
         notes = (
             *notes,
-            f"{path.name} does not specify its unit of length; assumed {chosen}. Set it with --length-unit.",
+            f"{path.name} does not specify its unit of length; assumed {chosen}. Set it with `length_unit`.",
         )
     sizeless = [camera.name for camera in records if camera.size_px is None]
     if sizeless:

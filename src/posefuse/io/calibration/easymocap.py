@@ -67,7 +67,7 @@ def _camera(path: Path, name: str, entries: dict[str, Any]) -> CameraRecord:
 FORMAT = CalibrationFormat(
     name="easymocap",
     files="intri.yml and extri.yml, or their folder",
-    conventions="meters; world to camera; up axis unknown: --up",
+    conventions="meters; world to camera; up axis unknown: `up`",
     recognized_by="intri.yml beside extri.yml",
     matches=matches,
     read=read,

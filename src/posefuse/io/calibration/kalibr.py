@@ -92,7 +92,7 @@ def _camera(path: Path, name: str, table: dict[str, Any], pose: np.ndarray) -> C
 FORMAT = CalibrationFormat(
     name="kalibr",
     files="camchain*.yaml",
-    conventions="meters; relative to the first camera or the IMU; up axis unknown: --up",
+    conventions="meters; relative to the first camera or the IMU; up axis unknown: `up`",
     recognized_by="YAML of cam0, cam1, ... with camera_model",
     matches=matches,
     read=read,

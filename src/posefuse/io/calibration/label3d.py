@@ -58,7 +58,7 @@ def _camera(path: Path, name: str, entry: Any) -> CameraRecord:
 FORMAT = CalibrationFormat(
     name="label3d",
     files="*.mat with params (also DANNCE)",
-    conventions="mm; K and R transposed; up axis unknown: --up",
+    conventions="mm; K and R transposed; up axis unknown: `up`",
     recognized_by="MATLAB variable params",
     matches=matches,
     read=read,

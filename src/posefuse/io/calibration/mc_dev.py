@@ -69,7 +69,7 @@ def _camera(file: Path) -> CameraRecord:
 FORMAT = CalibrationFormat(
     name="mc_dev",
     files="*.calib, one per camera, or their folder",
-    conventions="mm; world to camera; 32 numbers; up axis unknown: --up",
+    conventions="mm; world to camera; 32 numbers; up axis unknown: `up`",
     recognized_by="*.calib of 32 numbers",
     matches=matches,
     read=read,

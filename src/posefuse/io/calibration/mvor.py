@@ -73,7 +73,7 @@ FORMAT = CalibrationFormat(
     name="mvor",
     files="camma_mvor_2018.json",
     conventions=(
-        "mm; camera to first camera; rectified images, the stored distortion is not used; up axis unknown: --up"
+        "mm; camera to first camera; rectified images, the stored distortion is not used; up axis unknown: `up`"
     ),
     recognized_by="JSON with cameras_info.camParams",
     matches=matches,

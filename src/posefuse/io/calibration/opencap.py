@@ -133,7 +133,7 @@ def _load(file: Path) -> dict[str, Any]:
 FORMAT = CalibrationFormat(
     name="opencap",
     files="*/cameraIntrinsicsExtrinsics.pickle, or their folder",
-    conventions="mm; world to camera; up axis unknown: --up; pickled code is never executed",
+    conventions="mm; world to camera; up axis unknown: `up`; pickled code is never executed",
     recognized_by="cameraIntrinsicsExtrinsics.pickle in one folder per camera",
     matches=matches,
     read=read,

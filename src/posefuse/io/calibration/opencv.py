@@ -194,7 +194,7 @@ def _name(file: Path) -> str:
 FORMAT = CalibrationFormat(
     name="opencv",
     files="*.yml, *.yaml, *.xml, one or two per camera, or their folder (also JARVIS)",
-    conventions="the board's unit: --length-unit; world to camera; up axis unknown: --up",
+    conventions="the board's unit: `length_unit`; world to camera; up axis unknown: `up`",
     recognized_by="OpenCV FileStorage matrices, one or two files per camera",
     matches=matches,
     read=read,

@@ -97,7 +97,7 @@ def _flat(values: Any) -> Any:
 FORMAT = CalibrationFormat(
     name="parameter_table",
     files="camera_params.parquet",
-    conventions="meters; R T or rvec, world to camera; up axis unknown: --up",
+    conventions="meters; R T or rvec, world to camera; up axis unknown: `up`",
     recognized_by="parquet columns R, T or rvec",
     matches=matches,
     read=read,

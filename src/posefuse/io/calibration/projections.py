@@ -98,7 +98,7 @@ def decompose_projection(projection: np.ndarray, where: str) -> tuple[np.ndarray
 FORMAT = CalibrationFormat(
     name="projections",
     files="*.npy (camera, 3, 4), or P_*.txt",
-    conventions="P = K [R | t]; no lens distortion; --length-unit; up axis unknown: --up",
+    conventions="P = K [R | t]; no lens distortion; `length_unit`; up axis unknown: `up`",
     recognized_by="matrices of 3 x 4 numbers",
     matches=matches,
     read=read,

@@ -73,7 +73,7 @@ def _camera(path: Path, index: int, camera: dict[str, Any], default: Any) -> Cam
 FORMAT = CalibrationFormat(
     name="scene",
     files="scene.json",
-    conventions="meters; extrinsic_format states the direction; up axis unknown: --up",
+    conventions="meters; extrinsic_format states the direction; up axis unknown: `up`",
     recognized_by="JSON of a scene with extrinsics",
     matches=matches,
     read=read,

@@ -72,7 +72,7 @@ def _track(person: _Person) -> int:
 FORMAT = KeypointFormat(
     name="alphapose",
     files="one alphapose-results.json per camera",
-    conventions="px; x y score; frames without people are absent; no frame rate: --rate-hz",
+    conventions="px; x y score; frames without people are absent; no frame rate: `rate_hz`",
     recognized_by="JSON list with keypoints, and a file name as image_id",
     matches=matches,
     read=read,

@@ -119,8 +119,8 @@ def _third_channel(path: Path, keypoints: np.ndarray, meaning: ThirdChannel | No
         return {}
     if meaning is None:
         raise DetectionsError(
-            f"{path} has three numbers per keypoint but does not specify what the third one is. Add --third-channel "
-            "confidence or --third-channel depth (depth for MediaPipe and FreeMoCap)."
+            f"{path} has three numbers per keypoint but does not specify what the third one is. Add "
+            "`third_channel='confidence'` or `third_channel='depth'` (depth for MediaPipe and FreeMoCap)."
         )
     return {meaning: keypoints[..., 2]}
 
@@ -143,8 +143,8 @@ FORMAT = KeypointFormat(
     name="arrays",
     files="*.npy, *.npz",
     conventions=(
-        "px; [camera, frame, keypoint, 2 or 3]: --third-channel; no camera names: --camera-order;"
-        " no frame rate: --rate-hz"
+        "px; [camera, frame, keypoint, 2 or 3]: `third_channel`; no camera names: `camera_order`;"
+        " no frame rate: `rate_hz`"
     ),
     recognized_by="NumPy array with axes camera, frame, keypoint",
     matches=matches,

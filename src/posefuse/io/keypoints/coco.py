@@ -152,7 +152,7 @@ def _skeletons(content: _Annotations) -> list[Skeleton]:
 FORMAT = KeypointFormat(
     name="coco",
     files="one *.json of results or annotations per camera",
-    conventions="px; x y score or visibility; no frame rate: --rate-hz",
+    conventions="px; x y score or visibility; no frame rate: `rate_hz`",
     recognized_by="JSON with image_id or images, and keypoints",
     matches=matches,
     read=read,

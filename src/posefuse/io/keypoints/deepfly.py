@@ -50,7 +50,7 @@ def read(path: Path, request: Request) -> Detections:
 FORMAT = KeypointFormat(
     name="deepfly",
     files="*.npz with points2d_px (camera, frame, 38, 2)",
-    conventions="px; 0 0 is missing; skeleton fly_38; cameras by position; no frame rate: --rate-hz",
+    conventions="px; 0 0 is missing; skeleton fly_38; cameras by position; no frame rate: `rate_hz`",
     recognized_by="array points2d of (camera, frame, 38, 2) in an .npz",
     matches=matches,
     read=read,

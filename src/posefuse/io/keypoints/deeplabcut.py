@@ -266,7 +266,7 @@ def _from_frame(file: Path, frame: Frame) -> _Table:
 FORMAT = KeypointFormat(
     name="deeplabcut",
     files="a folder of *.csv or *.h5, one per camera, of one animal or several (also EKS)",
-    conventions="px; x y likelihood; cameras by the part in which file names differ; no frame rate: --rate-hz",
+    conventions="px; x y likelihood; cameras by the part in which file names differ; no frame rate: `rate_hz`",
     recognized_by="header rows scorer, (individuals,) bodyparts, coords",
     matches=matches,
     read=read,

@@ -56,7 +56,7 @@ def read(path: Path, request: Request) -> Detections:
 FORMAT = KeypointFormat(
     name="easymocap",
     files="annots: one folder per camera, one *.json per frame (also ViTPose)",
-    conventions="px; x y confidence, 0 0 is missing; no frame rate: --rate-hz",
+    conventions="px; x y confidence, 0 0 is missing; no frame rate: `rate_hz`",
     recognized_by='one folder per camera with numbered JSON files that contain "annots"',
     matches=matches,
     read=read,

@@ -42,7 +42,7 @@ def read(path: Path, request: Request) -> Detections:
     arrays = arrays_in(path)
     if len(arrays) != 1:
         raise FileError(
-            f"{path} has {len(arrays)} 2D arrays ({choices(a.name for a in arrays)}). Choose one with --keypoints FILE."
+            f"{path} has {len(arrays)} 2D arrays ({choices(a.name for a in arrays)}). Choose one with `keypoints`."
         )
     keypoints = read_npy(arrays[0])
     names = view_names(path)

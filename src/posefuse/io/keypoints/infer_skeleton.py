@@ -35,7 +35,7 @@ def infer_skeleton(n_keypoints: int, keypoints_px: np.ndarray, source: str) -> t
         shipped = choices((f"{s.name} ({len(s)})" for s in candidates), 20)
         raise SkeletonError(
             f"{source} has {n_keypoints} keypoints, but no shipped skeleton does: {shipped}. "
-            "Specify --skeleton with the name of a skeleton or the path of its TOML file."
+            "Specify `skeleton` with the name of a skeleton or the path of its TOML file."
         )
     if len(fitting) == 1:
         return fitting[0], ()
@@ -45,25 +45,25 @@ def infer_skeleton(n_keypoints: int, keypoints_px: np.ndarray, source: str) -> t
     if not best < _MAX_RATIO * second:
         raise SkeletonError(
             f"{source} has {n_keypoints} keypoints, which may be {choices(names)}, and the detections do not determine "
-            f"which. Choose one, such as --skeleton {names[0]}."
+            f"which. Choose one, such as `skeleton={names[0]!r}`."
         )
     note = (
         f"{n_keypoints} keypoints read as {best_name}, whose bones are shortest, not as "
-        f"{choices(name for name in names if name != best_name)}. Override with --skeleton."
+        f"{choices(name for name in names if name != best_name)}. Override with `skeleton`."
     )
     return shipped_skeleton(best_name), (note,)
 
 
 def no_skeleton(path: Path) -> FileError:
     """Return the error for a recording without people whose skeleton is unknown."""
-    return FileError(f"{path}: no person was detected in any view, so the skeleton is unknown. Add --skeleton.")
+    return FileError(f"{path}: no person was detected in any view, so the skeleton is unknown. Add `skeleton`.")
 
 
 def wrong_skeleton(path: Path, n_keypoints: int, skeleton: Skeleton) -> FileError:
     """Return the error for people whose number of keypoints differs from the skeleton's."""
     return FileError(
         f"{path} has {n_keypoints} keypoints per person, but skeleton {skeleton.name} has {len(skeleton)}. Choose "
-        "another with --skeleton, or omit it to infer the skeleton from the files."
+        "another with `skeleton`, or omit it to infer the skeleton from the files."
     )
 
 

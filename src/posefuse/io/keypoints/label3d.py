@@ -73,7 +73,7 @@ def _with_skeleton(request: Request, views: list[ViewColumns]) -> Request:
 FORMAT = KeypointFormat(
     name="label3d",
     files="*.mat with labelData (also DANNCE)",
-    conventions="px, as in the calibration of the file; manual labels of one animal; no frame rate: --rate-hz",
+    conventions="px, as in the calibration of the file; manual labels of one animal; no frame rate: `rate_hz`",
     recognized_by="MATLAB variable labelData",
     matches=matches,
     read=read,

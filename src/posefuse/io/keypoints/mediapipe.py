@@ -80,7 +80,7 @@ def read(path: Path, request: Request) -> Detections:
     rates = {each.rate_hz for each in cameras if each.rate_hz}
     if len(rates) > 1:
         raise FileError(
-            f"{path}: the cameras have different frame rates ({sorted(rates)} Hz). Choose one with --rate-hz."
+            f"{path}: the cameras have different frame rates ({sorted(rates)} Hz). Choose one with `rate_hz`."
         )
     rate = request.rate_hz or next(iter(rates), None)
     return assemble(path, views, skeleton, rate)
@@ -116,8 +116,8 @@ def _view(file: Path, name: str, landmarks: Landmarks, skeleton: Skeleton, reque
         size = landmarks.size_px or request.image_size_px
         if size is None and len(finite):
             raise FileError(
-                f"{file} has landmarks in fractions of the image size but does not specify that size. Add --image-size "
-                'WIDTH HEIGHT, or "width" and "height" to the file.'
+                f"{file} has landmarks in fractions of the image size but does not specify that size. Add "
+                '`image_size=(width, height)`, or "width" and "height" to the file.'
             )
         pixels, depth = pixels * np.asarray(size or (1, 1)), depth * (size or (1, 1))[0]
     missing = ~np.isfinite(pixels).all(axis=-1)
@@ -243,7 +243,7 @@ def _filled(points: np.ndarray | None, part: _Part, where: str) -> np.ndarray:
 FORMAT = KeypointFormat(
     name="mediapipe",
     files="one *.json or *.csv of landmarks per camera",
-    conventions="fractions of the image size (--image-size if the file does not state it) or px; depth in px",
+    conventions="fractions of the image size (`image_size` if the file does not state it) or px; depth in px",
     matches=matches,
     read=read,
     camera_files=files_of,

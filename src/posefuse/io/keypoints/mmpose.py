@@ -119,7 +119,7 @@ def _track(instance: _Instance) -> int:
 FORMAT = KeypointFormat(
     name="mmpose",
     files="one *.json with instances per camera (also RTMPose, rtmlib)",
-    conventions="px; frame numbers as stored, from 1 or 0; no frame rate: --rate-hz",
+    conventions="px; frame numbers as stored, from 1 or 0; no frame rate: `rate_hz`",
     recognized_by='JSON with the "instances" of each frame',
     matches=matches,
     read=read,

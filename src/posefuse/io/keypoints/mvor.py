@@ -125,7 +125,7 @@ def _with_skeleton(request: Request, detected: bool, data: _Data) -> Request:
 FORMAT = KeypointFormat(
     name="mvor",
     files="openpose_kps.json beside camma_mvor_2018.json, or camma_mvor_2018.json alone",
-    conventions=("px; frames are triplets of images 75 s apart; annotations have person ids; no frame rate: --rate-hz"),
+    conventions=("px; frames are triplets of images 75 s apart; annotations have person ids; no frame rate: `rate_hz`"),
     recognized_by="JSON with multiview_images, or coco_keypoints",
     matches=matches,
     read=read,

@@ -36,7 +36,7 @@ def view_names(files: Sequence[Path]) -> list[str]:
     end = _at_separator(_common_start([stem[start:][::-1] for stem in stems]))
     names = [stem[start : len(stem) - end] for stem in stems]
     if any(not name or set(_SEPARATORS) & set(name[word.end() - word.start() if word else 0 :]) for name in names):
-        several = "".join(f"\n  --keypoints '{files[0].parent / pattern}'" for pattern in recordings_in(files))
+        several = "".join(f"\n  `keypoints={str(files[0].parent / pattern)!r}`" for pattern in recordings_in(files))
         raise FileError(
             f"{files[0].parent} contains files whose names differ in more than the camera: {choices(stems)}. "
             + (f"Choose one of the recordings:{several}" if several else "Keep one file per camera in a folder.")

@@ -66,7 +66,7 @@ def read(path: Path, request: Request) -> Detections:
     """
     trials = trials_in(path)
     if len(trials) != 1:
-        listed = "".join(f"\n  --keypoints {trial}" for trial in trials)
+        listed = "".join(f"\n  `keypoints={str(trial)!r}`" for trial in trials)
         raise FileError(f"{path} has {len(trials)} OpenCap trials. Specify a file of the one to read:{listed}")
     files = files_of(trials[0])
     request.progress.start("reading keypoints", len(files))
@@ -103,7 +103,7 @@ FORMAT = KeypointFormat(
     name="opencap",
     files="Videos/<camera>/OutputPkl*/<trial>/*_pp.pkl, or the folder of the cameras",
     conventions=(
-        "px; x y confidence of BODY_25, 0 0 0 is missing; pickled code is never executed; no frame rate: --rate-hz"
+        "px; x y confidence of BODY_25, 0 0 0 is missing; pickled code is never executed; no frame rate: `rate_hz`"
     ),
     recognized_by="OutputPkl*/<trial>/*_pp.pkl in one folder per camera",
     matches=matches,

@@ -164,7 +164,7 @@ def _with_parts(
     has_any = any(people.parts.any for people in people_lists)
     body, inference_notes = _body_of(people_lists) if has_any and requested is None else (None, ())
     if not (has_parts(requested) if requested is not None else body == BODY):
-        note = "Hands and faces in these files are not read. Use --skeleton openpose_137 to read them with BODY_25."
+        note = "Hands and faces in these files are not read. Use `skeleton='openpose_137'` to read them with BODY_25."
         return people_lists, (note,) if has_any else ()
     n_people = sum(len(people.view.keypoints) for people in people_lists)
     missing = missing_parts([people.parts for people in people_lists], n_people) if n_people else ()
@@ -188,7 +188,7 @@ def _whole(people: _PeopleList) -> ViewColumns:
         raise FileError(
             f"{people.view.name} has {body.shape[1]} body keypoints, but skeleton {WHOLE} has {N_BODY}. Choose "
             "another "
-            "with --skeleton, or omit it to infer the skeleton from the files."
+            "with `skeleton`, or omit it to infer the skeleton from the files."
         )
     keypoints = join_parts(body.reshape(-1, N_BODY, 3), people.parts)
     return replace(people.view, keypoints=_without_missing(keypoints))
@@ -348,7 +348,7 @@ def lost(detections: Detections, path: Path) -> tuple[str, ...]:
 FORMAT = KeypointFormat(
     name="openpose",
     files=("one folder per camera, one *.json per frame (also Pose2Sim, and AlphaPose in the OpenPose layout)"),
-    conventions=("px; x y confidence, 0 0 0 is missing; hands and faces beside BODY_25; no frame rate: --rate-hz"),
+    conventions=("px; x y confidence, 0 0 0 is missing; hands and faces beside BODY_25; no frame rate: `rate_hz`"),
     recognized_by='one folder per camera with numbered JSON files that contain "people"',
     matches=matches,
     read=read,

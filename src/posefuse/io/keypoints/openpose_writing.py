@@ -71,7 +71,7 @@ def _lost_names(skeleton: Skeleton) -> tuple[str, ...]:
     if same_length == [skeleton.name] and shipped_skeleton(skeleton.name) == skeleton:
         return ()
     option = skeleton.name if skeleton.name in same_length else "and its TOML file"
-    return (f"the names of the keypoints; read the files with --skeleton {option}",)
+    return (f"the names of the keypoints; read the files with `skeleton={option!r}`",)
 
 
 def _special_confidences(detections: Detections) -> tuple[bool, bool]:

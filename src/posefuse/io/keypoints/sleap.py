@@ -114,7 +114,7 @@ def _in_order(data: Any, default_axes: tuple[str, ...]) -> np.ndarray:
 FORMAT = KeypointFormat(
     name="sleap",
     files="a folder of analysis *.h5, one per camera, or one folder per camera",
-    conventions="px; NaN is missing; cameras by folder or file name; no frame rate: --rate-hz",
+    conventions="px; NaN is missing; cameras by folder or file name; no frame rate: `rate_hz`",
     recognized_by="HDF5 with tracks and node_names",
     matches=matches,
     read=read,

@@ -155,7 +155,7 @@ def _views(file: Path, labels: Any, name: str, n_nodes: int, *, several: bool) -
         if several:
             raise FileError(
                 f"{file} has {len(videos)} videos, but its folder contains other files. Choose one file with "
-                "--keypoints."
+                "`keypoints`."
             )
         names = _video_names(videos)
     track_numbers = {id(track): i for i, track in enumerate(labels.tracks)}
@@ -220,7 +220,7 @@ def _people(frame: Any, track_numbers: dict[int, int], n_nodes: int) -> list[tup
 FORMAT = KeypointFormat(
     name="slp",
     files="*.slp, one for all cameras or one per camera",
-    conventions="px; views are videos, tracks are identities; no frame rate: --rate-hz; needs posefuse[sleap]",
+    conventions="px; views are videos, tracks are identities; no frame rate: `rate_hz`; needs posefuse[sleap]",
     matches=matches,
     read=read,
     camera_files=files_of,

@@ -145,7 +145,7 @@ def _lines(path: Path, table: Any, cameras: Sequence[str] | None, skeleton: Skel
     unknown = [part for part in parts if part not in order]
     if unknown and skeleton is not None:
         raise FileError(
-            f"{path} has the keypoints {choices(unknown)}, which skeleton {skeleton.name} lacks. Omit --skeleton to "
+            f"{path} has the keypoints {choices(unknown)}, which skeleton {skeleton.name} lacks. Omit `skeleton` to "
             "use the names of the file."
         )
     person = _integers(path, table, "person") if "person" in table.column_names else None

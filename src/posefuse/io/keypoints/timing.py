@@ -85,7 +85,7 @@ def replace_mismatched_timestamps(
     if stated is not None and differing:
         note = (
             f"The timestamps in {stamps.source} are at {differing[0]:.4g} Hz, but {stated.source} states "
-            f"{stated.rate_hz:.4g} Hz. The timestamps are used; --rate-hz replaces them."
+            f"{stated.rate_hz:.4g} Hz. The timestamps are used; `rate_hz` replaces them."
         )
         detections = replace(detections, notes=(*detections.notes, note))
     return detections, request
@@ -130,7 +130,7 @@ def with_rates(detections: Detections, rates_hz: Mapping[str, float], rate_hz: f
     unknown = [name for name, rate in zip(detections.view_names, rates, strict=True) if np.isnan(rate)]
     if unknown:
         raise DetectionsError(
-            f"view_rates_hz sets no rate for {choices(unknown)}. Add it, or set --rate-hz for all other views."
+            f"view_rates_hz sets no rate for {choices(unknown)}. Add it, or set `rate_hz` for all other views."
         )
     numbers = detections.frame_numbers - detections.frame_numbers[0]
     times = numbers[:, None] / rates
@@ -155,7 +155,7 @@ def with_timestamps(detections: Detections, stamps: Timestamps) -> Detections:
     if missing:
         raise MatchError(
             f"{stamps.source} has no times for {choices(missing)}, only for {choices(stamps.by_view)}. Specify the "
-            "times of every view, or use a constant rate: --rate-hz."
+            "times of every view, or use a constant rate: `rate_hz`."
         )
     begin_s = math.floor(min(float(each.time_s.min()) for each in by_view.values()))
     times = np.full((detections.n_frames, detections.n_views), np.nan)
@@ -177,7 +177,7 @@ def _times_of(numbers: np.ndarray, stamps: ViewTimes, where: str) -> np.ndarray:
         if len(stamps.time_s) != len(numbers):
             raise DetectionsError(
                 f"{where}: expected a time for each of {len(numbers)} frames, got {len(stamps.time_s)}. Add a column "
-                "of frame numbers, or use a constant rate: --rate-hz."
+                "of frame numbers, or use a constant rate: `rate_hz`."
             )
         return stamps.time_s
     place = np.minimum(np.searchsorted(stamps.frames, numbers), len(stamps.frames) - 1)

@@ -172,4 +172,4 @@ def limitation_notes(result: Reconstruction, clip: Clip, gap_handling: str) -> I
             f"{1000 * presence.max_deviation_m:.0f} mm from the layer model."
         )
     if result.rig.up_axis is None:
-        yield f"{figure.person}: the up axis is unknown (--up); the file's y axis is that of the calibration."
+        yield f"{figure.person}: the up axis is unknown (`up`); the file's y axis is that of the calibration."

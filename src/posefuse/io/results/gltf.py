@@ -69,7 +69,7 @@ def write_clip(result: Reconstruction, clip: Clip, path: Path, progress: Progres
         size_gib = content.size / 2**30
         raise ResultError(
             f"The motion of {clip.figure.person} takes {size_gib:.1f} GiB; a glTF file can store at most 4. "
-            "Reconstruct a shorter range with --end-s."
+            "Reconstruct a shorter range with `end_s`."
         )
     what = f"writing {path.name}"
     with replacing(path) as temporary:

@@ -86,7 +86,7 @@ def write(
         notes.append(f"opensim: the model has no marker for {choices(unmapped, 6)}; they are in the TRC only.")
     if result.rig.up_axis is None:
         notes.append(
-            "opensim: the up axis is unknown (--up); OpenSim assumes that y is up and that gravity acts along -y."
+            "opensim: the up axis is unknown (`up`); OpenSim assumes that y is up and that gravity acts along -y."
         )
     return notes
 
@@ -136,7 +136,7 @@ def _write_person(
         )
     if subject.mass_kg is None:
         notes.append(
-            f"opensim: the mass of {person} is unknown (--subject.mass-kg); scaling keeps the mass of the model."
+            f"opensim: the mass of {person} is unknown (`subject.mass_kg`); scaling keeps the mass of the model."
         )
     return notes
 

@@ -19,10 +19,7 @@ def export_rate(result: Reconstruction | ResultFacts, form: str) -> float:
         return result.rate_hz
     times = result.time_s[np.isfinite(result.time_s)]
     if len(times) < 2:
-        raise ResultError(
-            f"A {form} file needs a frame rate, and this recording has none. Read the keypoints with --rate-hz, or in "
-            "Python: detections.with_rate(60)."
-        )
+        raise ResultError(f"A {form} file needs a frame rate, and this recording has none. Reconstruct with `rate_hz`.")
     steps = np.diff(times)
     step = float(np.median(steps))
     if np.any(np.abs(steps - step) > _RATE_TOLERANCE * step):

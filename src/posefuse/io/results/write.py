@@ -117,9 +117,7 @@ def _format_of(path: Path, name: str | None) -> ResultFormat:
         return form
     names = [each.name for each in RESULTS.written()]
     if name is None and path.suffix.lower() == ".h5":
-        raise ResultError(
-            f"{path.name} may be in the format deeplabcut or sleap. Choose one with format=... (--to ...)."
-        )
+        raise ResultError(f"{path.name} may be in the format deeplabcut or sleap. Choose one with `format`.")
     wrong = f"No format {name!r}. " if name else f"{path.name} ends in no known format. "
     raise ResultError(wrong + (suggestion(name, names) if name else f"Formats: {choices(names)}."))
 
@@ -183,7 +181,7 @@ def write_also(result: Reconstruction, folder: Path, also: Sequence[str]) -> tup
     for name in dict.fromkeys(also):
         form = RESULTS.find_written(name)
         if form is None or not form.additional_name:
-            raise ResultError(f"--also: unknown format {name!r}. {suggestion(name, additional_names())}")
+            raise ResultError(f"`also`: unknown format {name!r}. {suggestion(name, additional_names())}")
         path = folder / form.additional_name
         try:
             written = write(result, path, name)

@@ -32,12 +32,12 @@ def unused_options(options: Options, skeleton: Skeleton) -> tuple[str, ...]:
     if tracker.strategy != "specification" and tracker.specification != default.specification:
         sentences.append(
             "tracker.specification has options of the strategy 'specification', but the strategy is "
-            f"{tracker.strategy!r}: they have no effect. Add --tracker.strategy specification, or leave them out."
+            f"{tracker.strategy!r}: they have no effect. Add `tracker.strategy='specification'`, or leave them out."
         )
     if tracker.strategy == "specification" and tracker.smoother != "none":
         sentences.append(
             f"tracker.smoother = {tracker.smoother!r} has no effect with the strategy 'specification', whose states "
-            "have no covariances: nothing is smoothed. Add --smoother none, or use the strategy 'posefuse'."
+            "have no covariances: nothing is smoothed. Add `tracker.smoother='none'`, or use the strategy 'posefuse'."
         )
     if tracker.parts != default.parts and not skeleton.parts:
         sentences.append(
@@ -45,11 +45,13 @@ def unused_options(options: Options, skeleton: Skeleton) -> tuple[str, ...]:
             "have no effect. Use a skeleton with hands and a face, such as coco_wholebody_133."
         )
     if tracker.lag_s != default.lag_s and tracker.smoother != "lag":
-        sentences.append(f"tracker.lag_s has no effect with the smoother {tracker.smoother!r}. Add --smoother lag.")
+        sentences.append(
+            f"tracker.lag_s has no effect with the smoother {tracker.smoother!r}. Add `tracker.smoother='lag'`."
+        )
     if options.association.method != "rpt" and options.association.rpt != AssociationOptions().rpt:
         sentences.append(
             f"association.rpt has options of the method 'rpt', but the method is {options.association.method!r}: they "
-            "have no effect. Add --association.method rpt, or leave them out."
+            "have no effect. Add `association.method='rpt'`, or leave them out."
         )
     return tuple(sentences)
 

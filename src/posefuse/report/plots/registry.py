@@ -90,7 +90,7 @@ PLOTS = (
     Plot(
         "trajectories",
         "Keypoint trajectories",
-        "Coordinates of the keypoints of --keypoint over time, with bands of one standard deviation.",
+        "Coordinates of the selected keypoints over time, with bands of one standard deviation.",
         "at least one person",
         "posefuse.report.plots.time_lines",
         "plot_trajectories",
@@ -98,7 +98,7 @@ PLOTS = (
     Plot(
         "angles",
         "Joint angles over time",
-        "The joint angles of --angle, or the eight with the largest range, with bands of one standard deviation.",
+        "The selected joint angles, or the eight with the largest range, with bands of one standard deviation.",
         "a fitted articulated model",
         "posefuse.report.plots.time_lines",
         "plot_angles",
@@ -118,7 +118,7 @@ def find_plot(name: str) -> Plot:
     for plot in PLOTS:
         if plot.name == name:
             return plot
-    raise OptionsError(f"--figure: unknown figure {name!r}. {suggestion(name, PLOT_NAMES)}")
+    raise OptionsError(f"`figure`: unknown figure {name!r}. {suggestion(name, PLOT_NAMES)}")
 
 
 def draw_plot(name: str, data: "PlotData") -> "RenderedFigure | None":

@@ -76,7 +76,7 @@ def plot_angles(data: PlotData) -> DrawFigure | None:
     for name in data.angles:
         if name not in names:
             raise OptionsError(
-                f"--angle: unknown angle {name!r}. {suggestion(name, names)} Available angles: {choices(names, 40)}."
+                f"`angle`: unknown angle {name!r}. {suggestion(name, names)} Available angles: {choices(names, 40)}."
             )
     degrees, deviations = (np.concatenate([part[i] for part in parts]) for i in (1, 2))
     chosen = [names.index(name) for name in data.angles] or _most_mobile(degrees)

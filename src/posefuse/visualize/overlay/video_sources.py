@@ -92,7 +92,7 @@ class VideoSource:
         return [
             f"{info.path.name} has {info.rate_hz:.3f} images per second and the result "
             f"{1.0 / frame_times.period_s:.3f}, so they are {frames:.1f} frames apart at the end. If every frame of "
-            "the result is one image of the video, use --match frame."
+            "the result is one image of the video, use `match='frame'`."
         ]
 
 
@@ -117,13 +117,13 @@ def open_sources(
         FileError: if a video cannot be read.
         ResultError: if the size of a video differs from its camera's.
     """
-    _check_names(rig, videos, "--video")
-    _check_names(rig, options.offset_s, "--offset-s")
+    _check_names(rig, videos, "videos")
+    _check_names(rig, options.offset_s, "offset_s")
     names = [name for name in rig.names if name in videos or options.blank]
     if not names:
         raise MatchError(
-            f"No video to draw on. Specify one per camera, such as --video {rig.names[0]}=FILE; the cameras are "
-            f"{choices(rig.names)}. Or draw on a plain background with --blank."
+            f"No video to draw on. Specify one per camera, such as `videos={{{rig.names[0]!r}: 'FILE'}}`; the cameras "
+            f"are {choices(rig.names)}. Or draw on a plain background with `blank=True`."
         )
     by_number = options.match == "frame" or not has_times
     sources = []
@@ -136,10 +136,10 @@ def open_sources(
     return tuple(sources)
 
 
-def _check_names(rig: CameraRig, names: Mapping[str, object], flag: str) -> None:
+def _check_names(rig: CameraRig, names: Mapping[str, object], argument: str) -> None:
     for name in names:
         if name not in rig.names:
-            raise MatchError(f"{flag} {name}=...: no such camera. The cameras are {choices(rig.names, 30)}.")
+            raise MatchError(f"`{argument}`: there is no camera {name!r}. The cameras are {choices(rig.names, 30)}.")
 
 
 def check_size(camera: Camera, info: VideoInfo, *, rescale: bool) -> None:
@@ -157,7 +157,7 @@ def check_size(camera: Camera, info: VideoInfo, *, rescale: bool) -> None:
         return
     is_rotated = (height, width) == (calibrated_width, calibrated_height)
     advice = (
-        "If it is the full image at another resolution, use --rescale."
+        "If it is the full image at another resolution, use `rescale=True`."
         if same_shape
         else "It is rotated by 90 degrees. Calibrate and detect on the video as it is, or rotate the video."
         if is_rotated

@@ -83,7 +83,7 @@ def _check_targets(paths: Sequence[Path], videos: Mapping[str, Path]) -> None:
     taken = {path.resolve() for path in videos.values()}
     for path in paths:
         if path.resolve() in taken:
-            raise OptionsError(f"{path} is one of the videos to be drawn on. Choose another folder for --output.")
+            raise OptionsError(f"{path} is one of the videos to be drawn on. Choose another folder for `output`.")
 
 
 def _draw_on_video(job: _Job, source: VideoSource, path: Path) -> OverlayVideo:
@@ -181,5 +181,5 @@ def _no_images_error(source: VideoSource, span_s: tuple[float, float], last_s: f
     return ResultError(
         f"{source.reader.info.path.name} has no image in the selected time range: the result's frames are from "
         f"{span_s[0]:.3f} to {span_s[1]:.3f} s, and the last image read is at {last_s:.3f} s. If the video starts at a "
-        f"different time than the result, use --offset-s {source.camera.name}=SECONDS."
+        f"different time than the result, set `offset_s` of {source.camera.name!r}."
     )

@@ -53,7 +53,7 @@ def open_scene(
     try:
         recording.spawn(default_blueprint=build_layout(result))
     except (RuntimeError, OSError) as error:
-        raise ResultError(f"Cannot open rerun's window: {error}. Save the scene with --save scene.rrd.") from None
+        raise ResultError(f"Cannot open rerun's window: {error}. Save the scene with `save='scene.rrd'`.") from None
     try:
         log_scene(recording, result, detections, videos, progress)
     finally:
@@ -68,6 +68,6 @@ def require_display() -> None:
     """
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise ResultError(
-            "This machine has no display for rerun's window. Write the scene with --save scene.rrd and open it on a "
+            "This machine has no display for rerun's window. Write the scene with `save='scene.rrd'` and open it on a "
             "machine with a display: rerun scene.rrd. Or open the result's report.html."
         )

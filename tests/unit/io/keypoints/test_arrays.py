@@ -39,7 +39,7 @@ class TestArrays:
         third = np.linspace(0.1, 0.9, pixels[..., 0].size).reshape(pixels.shape[:-1])
         path = tmp_path / "points.npy"
         np.save(path, np.concatenate([pixels, third[..., None]], axis=-1))
-        with pytest.raises(DetectionsError, match="--third-channel confidence or --third-channel depth"):
+        with pytest.raises(DetectionsError, match="`third_channel='confidence'` or `third_channel='depth'`"):
             read_detections(path)
         detections = read_keypoints(path, Request(third_channel=meaning))
         values = detections.confidence if meaning == "confidence" else detections.depth

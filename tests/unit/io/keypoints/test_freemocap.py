@@ -61,7 +61,7 @@ def test_unknown_third_channel_is_an_error(tmp_path):
     freemocap(tmp_path)
     (array,) = (tmp_path / "output_data" / "raw_data").glob("*2dData*")
     array.rename(array.with_name("rtmpose_2dData_pixelXY.npy"))
-    with pytest.raises(DetectionsError, match="--third-channel"):
+    with pytest.raises(DetectionsError, match="`third_channel="):
         read_detections(tmp_path, "body_25")
 
 
@@ -112,7 +112,7 @@ def test_mismatched_timestamps_without_a_common_rate_are_an_error(tmp_path):
     folder = tmp_path / "synchronized_videos" / "timestamps"
     skellycam_times(folder, VIEWS[0], np.arange(9) / RATE_HZ)
     skellycam_times(folder, VIEWS[1], np.arange(9) / 50.0)
-    with pytest.raises(DetectionsError, match=r"expected a time for each of 6 frames, got 9.*--rate-hz"):
+    with pytest.raises(DetectionsError, match=r"expected a time for each of 6 frames, got 9.*`rate_hz`"):
         opened(tmp_path)
     assert opened(tmp_path, rate_hz=30.0).rate_hz == 30.0
 

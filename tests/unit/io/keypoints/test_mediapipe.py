@@ -14,7 +14,7 @@ class TestLandmarks:
     def test_normalized_coordinates_need_the_image_size(self, tmp_path):
         landmarks = [{"x": 0.5, "y": 0.25, "z": -0.1, "visibility": 0.9}] * 33
         (tmp_path / "a.json").write_text(json.dumps([{"pose_landmarks": landmarks}, {"pose_landmarks": None}]))
-        with pytest.raises(FileError, match="--image-size"):
+        with pytest.raises(FileError, match="`image_size="):
             read_detections(tmp_path)
         detections = read_keypoints(tmp_path, Request(image_size_px=(1000, 600)))
         assert detections.keypoints_px[0, 0].tolist() == [500.0, 150.0]

@@ -34,7 +34,7 @@ def test_trials_in_one_folder_are_separate_recordings(tmp_path):
     assert recording == ["fly_1_Cam-*_net.csv", "fly_2_Cam-*_net.csv"]
     detections = read_detections(tmp_path / recording[1])
     assert detections.view_names == ("Cam-A", "Cam-B")
-    with pytest.raises(FileError, match=r"Choose one of the recordings:\s+--keypoints '.*fly_1_Cam-\*_net.csv'"):
+    with pytest.raises(FileError, match=r"Choose one of the recordings:\s+`keypoints='.*fly_1_Cam-\*_net.csv'"):
         read_detections(tmp_path)
     with pytest.raises(FileError, match="No keypoints at"):
         read_detections(tmp_path / "fly_3_*.csv")

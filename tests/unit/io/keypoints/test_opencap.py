@@ -24,7 +24,7 @@ def test_trials_of_opencap_are_separate_recordings(tmp_path):
     recording = find_recording(tmp_path)
     assert [item.path.name for item in recording.keypoints] == ["jump_rotated_pp.pkl", "walk_rotated_pp.pkl"]
     assert read_detections(recording.keypoints[1].path).view_names == VIEWS
-    with pytest.raises(FileError, match=r"has 2 OpenCap trials.*\n  --keypoints .*jump_rotated_pp.pkl"):
+    with pytest.raises(FileError, match=r"has 2 OpenCap trials.*\n  `keypoints=.*jump_rotated_pp.pkl"):
         read_detections(tmp_path / "Videos")
     left = {name for each in ignored_in(recording) for name in each.names}
     assert left == {f"Videos/{camera}/OutputPkl_default/jump/jump_rotated.pkl" for camera in VIEWS}

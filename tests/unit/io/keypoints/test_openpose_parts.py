@@ -89,7 +89,7 @@ def test_missing_lists_are_reported(scene, tmp_path):
 def test_requested_body_skeleton_ignores_hands_and_faces(scene, tmp_path):
     detections = read_detections(write(scene.detections, tmp_path / "pose"), "body_25")
     assert detections.skeleton.name == "body_25"
-    assert "--skeleton openpose_137" in detections.notes[0]
+    assert "`skeleton='openpose_137'`" in detections.notes[0]
 
 
 def test_other_bodies_with_hands_are_read_as_bodies(tmp_path):

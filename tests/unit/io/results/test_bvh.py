@@ -145,4 +145,4 @@ class TestBvh:
     def test_unknown_up_axis_gives_a_note(self, tmp_path):
         result = posed("body_20")
         (note,) = bvh.write(replace(result, rig=replace(result.rig, up_axis=None)), "person_1", tmp_path / "a.bvh")
-        assert "the up axis is unknown (--up)" in note
+        assert "the up axis is unknown (`up`)" in note

@@ -22,7 +22,7 @@ class TestWhatCannotBeWritten:
     @pytest.mark.parametrize("end", ["bvh", "glb"])
     def test_result_without_poses_is_refused(self, end, tmp_path):
         bare = replace(posed("body_20"), poses=None)
-        with pytest.raises(ResultError, match="this result has none.*--bodies fit"):
+        with pytest.raises(ResultError, match="this result has none.*`bodies='fit'`"):
             posefuse.write(bare, tmp_path / f"a.{end}")
         assert list(tmp_path.iterdir()) == []
         assert write_figures(bare, bare.person_ids, tmp_path) == ([], [])

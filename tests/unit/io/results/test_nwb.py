@@ -85,7 +85,7 @@ def test_names_of_internal_datasets_are_valid(people, tmp_path):
 
 def test_unrepresentable_results_are_refused(people, tmp_path, monkeypatch):
     untimed = replace(people, time_s=np.full(6, np.nan))
-    with pytest.raises(ResultError, match=r"needs the time of every frame.*--rate-hz"):
+    with pytest.raises(ResultError, match=r"needs the time of every frame.*`rate_hz`"):
         posefuse.write(untimed, tmp_path / "x.nwb")
     monkeypatch.setitem(sys.modules, "ndx_pose", None)
     with pytest.raises(ResultError, match=r"pip install 'posefuse\[nwb\]'"):

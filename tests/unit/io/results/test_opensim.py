@@ -77,7 +77,7 @@ class TestOpenSim:
         result = posed("coco_17")
         result = replace(result, rig=replace(result.rig, up_axis=None))
         messages = " ".join(posefuse.write(result, tmp_path / "o", "opensim").notes)
-        assert "mass of person_1 is unknown (--subject.mass-kg)" in messages
+        assert "mass of person_1 is unknown (`subject.mass_kg`)" in messages
         assert "the up axis is unknown" in messages
 
     def test_files_of_other_people_are_kept(self, tmp_path):

@@ -21,11 +21,11 @@ OF_SPECIFICATION = SpecificationOptions(promote_score=3.0)
 @pytest.mark.parametrize(
     ("tracker", "remedy"),
     [
-        (TrackerOptions(specification=OF_SPECIFICATION), "Add --tracker.strategy specification"),
-        (TrackerOptions(strategy="specification"), "Add --smoother none"),
-        (TrackerOptions(strategy="specification", smoother="lag"), "Add --smoother none"),
+        (TrackerOptions(specification=OF_SPECIFICATION), "Add `tracker.strategy='specification'`"),
+        (TrackerOptions(strategy="specification"), "Add `tracker.smoother='none'`"),
+        (TrackerOptions(strategy="specification", smoother="lag"), "Add `tracker.smoother='none'`"),
         (TrackerOptions(parts=PartOptions(model_floor_m=0.01)), "such as coco_wholebody_133"),
-        (TrackerOptions(lag_s=0.5), "Add --smoother lag"),
+        (TrackerOptions(lag_s=0.5), "Add `tracker.smoother='lag'`"),
     ],
 )
 def test_unused_options_are_named_with_a_remedy(tracker, remedy):
@@ -49,7 +49,7 @@ def test_options_with_effect_are_not_named(tracker, skeleton):
 
 def test_options_of_another_proposal_method_are_named():
     baseline = AssociationOptions(rpt=RptOptions(min_score=0.9))
-    assert "--association.method rpt" in unused_options(Options(association=baseline), BODY)[0]
+    assert "`association.method='rpt'`" in unused_options(Options(association=baseline), BODY)[0]
     assert unused_options(Options(association=replace(baseline, method="rpt")), BODY) == ()
 
 

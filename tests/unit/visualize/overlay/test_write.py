@@ -148,7 +148,9 @@ def test_same_input_gives_the_same_bytes(result, video, tmp_path):
 def test_other_image_size_is_an_error_unless_rescaled(tmp_path):
     result = moving_sticks(small_rig((640, 480)))
     video = coded_video(tmp_path / "small.mp4")
-    with pytest.raises(ResultError, match=r"small.mp4 is 320 x 240 px, but camera 'cam0' .* 640 x 480 .* --rescale"):
+    with pytest.raises(
+        ResultError, match=r"small.mp4 is 320 x 240 px, but camera 'cam0' .* 640 x 480 .* `rescale=True`"
+    ):
         write_overlays(result, {"cam0": video}, tmp_path / "out")
     assert not (tmp_path / "out").exists()
     (written,) = write_overlays(result, {"cam0": video}, tmp_path / "out", OverlayOptions(rescale=True))
@@ -160,11 +162,11 @@ def test_other_image_size_is_an_error_unless_rescaled(tmp_path):
 
 
 def test_unknown_and_missing_camera_names(result, video, tmp_path):
-    with pytest.raises(MatchError, match=r"--video cam7=...: no such camera. The cameras are cam0, cam1"):
+    with pytest.raises(MatchError, match=r"`videos`: there is no camera 'cam7'. The cameras are cam0, cam1"):
         write_overlays(result, {"cam7": video}, tmp_path)
-    with pytest.raises(MatchError, match="--offset-s cam9"):
+    with pytest.raises(MatchError, match="`offset_s`: there is no camera 'cam9'"):
         write_overlays(result, {"cam0": video}, tmp_path, OverlayOptions(offset_s={"cam9": 1.0}))
-    with pytest.raises(MatchError, match="No video to draw on.*--blank"):
+    with pytest.raises(MatchError, match="No video to draw on.*`blank=True`"):
         write_overlays(result, {}, tmp_path)
     same = video.rename(video.with_name("cam0_overlay.mp4"))
     with pytest.raises(OptionsError, match="is one of the videos"):
@@ -192,7 +194,7 @@ def test_invalid_video_is_an_error(result, tmp_path, content):
 
 
 def test_video_of_another_time_is_an_error(result, video, tmp_path):
-    with pytest.raises(ResultError, match="--offset-s cam0=SECONDS"):
+    with pytest.raises(ResultError, match="set `offset_s` of 'cam0'"):
         write_overlays(result, {"cam0": video}, tmp_path, OverlayOptions(offset_s={"cam0": 90.0}))
     assert not list(tmp_path.glob("*.mp4"))
 
@@ -201,7 +203,7 @@ def test_small_rate_difference_gives_a_note(tmp_path):
     result = moving_sticks(n_frames=200)
     video = coded_video(tmp_path / "cam0.mp4", 3, RATE_HZ / 1.004)
     (written,) = write_overlays(result, {"cam0": video}, tmp_path / "out")
-    assert any("--match frame" in notes for notes in written.notes)
+    assert any("`match='frame'`" in notes for notes in written.notes)
     assert any("cam0.mp4 ends at" in notes for notes in written.notes)
 
 

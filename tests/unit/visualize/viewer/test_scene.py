@@ -120,7 +120,7 @@ def test_missing_display_is_an_error_before_any_work(result, monkeypatch):
     monkeypatch.setattr(show.sys, "platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    with pytest.raises(ResultError, match=r"no display .* --save scene.rrd"):
+    with pytest.raises(ResultError, match=r"no display .* `save='scene.rrd'`"):
         open_scene(result)
 
 
