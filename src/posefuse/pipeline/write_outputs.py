@@ -87,7 +87,7 @@ def require_possible_formats(also: Sequence[str], rig: CameraRig, detections: De
     try:
         require_formats(also, facts)
     except ResultError as error:
-        raise OptionsError(f"--also: {error}") from None
+        raise OptionsError(f"`also`: {error}") from None
 
 
 def write_other_formats(folder: Path, also: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:

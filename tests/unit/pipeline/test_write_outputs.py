@@ -16,7 +16,7 @@ SCENE = simulate(SceneOptions(duration_s=0.5, cameras=2))
 
 def test_unknown_formats_are_refused():
     require_known_formats(("npz",))
-    with pytest.raises(OptionsError, match=r"--also npx: .* Did you mean 'npz'"):
+    with pytest.raises(OptionsError, match=r"`also=\['npx'\]`: .* Did you mean 'npz'"):
         require_known_formats(("npx",))
 
 
@@ -24,7 +24,7 @@ def test_formats_are_refused_by_what_the_options_leave():
     """All cameras and frames have 3D points at regular times; one camera or frames far apart do not."""
     also = ("freemocap", "opensim")
     require_possible_formats(also, SCENE.rig, SCENE.detections, Options())
-    with pytest.raises(OptionsError, match="--also: freemocap needs 3D points"):
+    with pytest.raises(OptionsError, match="`also`: freemocap needs 3D points"):
         require_possible_formats(also, SCENE.rig, SCENE.detections, Options(cameras=SCENE.rig.names[:1]))
     numbers = np.array(SCENE.detections.frame_numbers)
     numbers[-1] += 100_000

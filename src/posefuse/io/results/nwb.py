@@ -97,8 +97,7 @@ def require(facts: ResultFacts) -> None:
     """
     if not np.isfinite(facts.time_s).all() or not facts.n_frames:
         raise ResultError(
-            "An NWB file needs the time of every frame, and this result lacks some times. Read the keypoints with "
-            "--rate-hz, or in Python: detections.with_rate(60)."
+            "An NWB file needs the time of every frame, and this result lacks some times. Reconstruct with `rate_hz`."
         )
     with _packages():
         pass
