@@ -1,9 +1,13 @@
 """``posefuse overlay`` and ``posefuse view`` as they are typed."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 import posefuse
 from posefuse.io.keypoints import native
+from posefuse.io.open_recording import digest_path
 from tests.videos import N_FRAMES, coded_video, exact_detections, images_of, moving_sticks
 
 
@@ -56,10 +60,51 @@ def test_invalid_arguments_have_a_remedy(run, stored, tmp_path, arguments, compl
     assert not (tmp_path / "out").exists()
 
 
+@pytest.fixture
+def two_sets(stored, tmp_path):
+    """Return a result that stores what it was computed from, and a recording with other keypoints beside these."""
+    result = moving_sticks()
+    recording = tmp_path / "recording"
+    for name, shift_px in (("a", 40.0), ("b", 0.0)):
+        (recording / name).mkdir(parents=True)
+        exact = exact_detections(result)
+        native.write(replace(exact, keypoints_px=exact.keypoints_px[:] + shift_px), recording / name / "keypoints.nc")
+    inputs = {"keypoints.nc": digest_path(recording / "b" / "keypoints.nc")}
+    known = replace(result, provenance=replace(result.provenance, inputs=inputs))
+    posefuse.write(known, tmp_path / "known" / "reconstruction.nc")
+    return tmp_path / "known", recording
+
+
+def test_keypoints_whose_hash_the_result_stores_are_drawn(run, two_sets, stored, tmp_path):
+    known, recording = two_sets
+    arguments = ("--video", stored / "videos", "-o")
+    code, out, err = run("overlay", known, "--detections", recording, *arguments, tmp_path / "chosen")
+    assert (code, err) == (0, "")
+    assert f"{recording / 'b' / 'keypoints.nc'} is used" in " ".join(out.split())
+    for name in ("a", "b"):
+        keypoints = recording / name / "keypoints.nc"
+        code, _, err = run("overlay", known, "--keypoints", keypoints, *arguments, tmp_path / name)
+        assert code == 0
+        assert ("has changed since the result was written" in err) is (name == "a")
+        chosen, given = (images_of(tmp_path / each / "cam0_overlay.mp4") for each in ("chosen", name))
+        assert np.array_equal(chosen, given) is (name == "b")
+
+
+def test_unknown_hashes_ask_for_a_choice_that_the_commands_take(run, two_sets, stored, tmp_path):
+    _, recording = two_sets
+    for command in (("overlay", stored, "--detections"), ("explain", stored, "--frame", "0", "--recording")):
+        more = ("-o", tmp_path / "out", "--blank") if command[0] == "overlay" else ()
+        code, _, err = run(*command, recording, *more)
+        assert code == 1
+        assert f"--keypoints {recording / 'a' / 'keypoints.nc'}" in err
+        code, _, err = run(*command, recording, *more, "--keypoints", recording / "a" / "keypoints.nc")
+        assert (code, err) == (0, "")
+
+
 def test_view_saves_a_scene(run, stored, tmp_path, monkeypatch):
     pytest.importorskip("rerun", reason="rerun-sdk, of the extra view, is not installed")
     scene = tmp_path / "scene.rrd"
-    code, output, _ = run("view", stored, "--recording", stored / "keypoints.nc", "--video", stored / "videos",
+    code, output, _ = run("view", stored, "--keypoints", stored / "keypoints.nc", "--video", stored / "videos",
                         "--end-s", "0.2", "--save", scene)  # fmt: skip
     assert code == 0
     assert f"rerun {scene}" in output.replace("\n", " ")

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from cyclopts import Parameter
@@ -16,6 +16,9 @@ from posefuse.model.detections import Detections
 from posefuse.model.frame_report import DetectionReport, FrameReport, PersonReport, ViewReport
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.skeleton.skeletons import Skeleton
+
+if TYPE_CHECKING:
+    from posefuse.io.recording import Recording as FoundRecording
 
 _MOST_NAMED = 12
 
@@ -65,11 +68,11 @@ def detections_for(
     """Return the 2D keypoints of a result, with views in the order of the result's cameras."""
     from posefuse.io.keypoints.read import read_keypoints
     from posefuse.io.open_recording import digest_path, keypoint_request
-    from posefuse.io.recording import choose_keypoints, find_recording
+    from posefuse.io.recording import find_recording
 
     if keypoints is None:
         assert recording is not None
-        keypoints = choose_keypoints(find_recording(recording))
+        keypoints = _keypoints_of(result, find_recording(recording))
     # The result holds the skeleton; the path of its file is not stored.
     options = replace(result.options, skeleton=None)
     request = keypoint_request(recording or keypoints.parent, keypoints, options, Bars(), timestamps)
@@ -78,6 +81,20 @@ def detections_for(
     if known is not None and known != digest_path(keypoints):
         warn(f"{keypoints.name} has changed since the result was written; its detections may not match the result.")
     return detections.views(_views_of(result, detections))
+
+
+def _keypoints_of(result: Reconstruction, found: "FoundRecording") -> Path:
+    """Return the keypoints of a recording; among several, those whose content the result was computed from."""
+    from posefuse.io.open_recording import digest_path
+    from posefuse.io.recording import choose_keypoints
+
+    if len(found.keypoints) > 1:
+        known = set(result.provenance.inputs.values())
+        same = next((item.path for item in found.keypoints if digest_path(item.path) in known), None)
+        if same is not None:
+            note(f"note: among several sets of keypoints, {same} is used: the result was computed from it.")
+            return same
+    return choose_keypoints(found)
 
 
 def _views_of(result: Reconstruction, detections: Detections) -> list[str]:

@@ -37,6 +37,10 @@ def overlay(
         Path | None,
         Parameter(help="Folder of the recording, to draw the detections and whether they were used."),
     ] = None,
+    keypoints: Annotated[
+        Path | None,
+        Parameter(help="File or folder of 2D keypoints to draw; by default those in the recording."),
+    ] = None,
     drawing: Annotated[_Drawing, Parameter(name="*", group="Drawing")] = _Drawing(),
 ) -> None:
     """Draw a result's skeletons on the cameras' videos, with lens distortion.
@@ -60,7 +64,7 @@ def overlay(
         offset_s=offsets_by_camera(offset_s),
     )
     videos = videos_by_camera(opened.rig, video)
-    drawn_detections = detections_in(opened, detections)
+    drawn_detections = detections_in(opened, detections, keypoints)
     written = write_overlays(opened, videos, output, chosen, drawn_detections, Bars())
     left_out = [name for name in opened.rig.names if name not in videos]
     if left_out and not drawing.blank:

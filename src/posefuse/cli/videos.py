@@ -95,11 +95,11 @@ def offsets_by_camera(given: Sequence[str]) -> dict[str, float]:
     return offsets
 
 
-def detections_in(result: Reconstruction, recording: Path | None) -> Detections | None:
-    """Return the 2D keypoints in a recording's folder, or None if no folder is given."""
+def detections_in(result: Reconstruction, recording: Path | None, keypoints: Path | None) -> Detections | None:
+    """Return the given 2D keypoints, or those in a recording's folder, or None if neither is given."""
     from posefuse.cli.explain import detections_for
 
-    return None if recording is None else detections_for(result, recording, None, None)
+    return None if recording is None and keypoints is None else detections_for(result, recording, keypoints, None)
 
 
 def layer_of(result: Reconstruction, layer: LayerName | None) -> LayerName:

@@ -19,6 +19,10 @@ def view(
     result: Result,
     *,
     recording: Annotated[Path | None, Parameter(help="Folder of the recording, to show its detections.")] = None,
+    keypoints: Annotated[
+        Path | None,
+        Parameter(help="File or folder of 2D keypoints to show; by default those in the recording."),
+    ] = None,
     video: Videos = (),
     offset_s: Offsets = (),
     match: Annotated[
@@ -45,7 +49,7 @@ def view(
     _, whole = open_result(result)
     opened = frames_between(whole, start_s, end_s)
     videos = _viewer_videos(opened, video, offset_s, match)
-    detections = detections_in(opened, recording)
+    detections = detections_in(opened, recording, keypoints)
     if save is None:
         open_scene(opened, detections, videos, Bars())
         return
