@@ -1,6 +1,7 @@
 """``posefuse view``."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -15,6 +16,17 @@ if TYPE_CHECKING:
     from posefuse.visualize.viewer.scene import ViewerVideo
 
 
+@dataclass(frozen=True)
+class _Times:
+    """Flags of the part that is shown, and of its images."""
+
+    match: Annotated[
+        Literal["time", "frame"], Parameter(help="Match images to frames by time, or by number from 0.")
+    ] = "time"
+    start_s: Annotated[float | None, Parameter(help="Start time, in the result's time.")] = None
+    end_s: Annotated[float | None, Parameter(help="End time, exclusive, in the result's time.")] = None
+
+
 def view(
     result: Result,
     *,
@@ -25,11 +37,7 @@ def view(
     ] = None,
     video: Videos = (),
     offset_s: Offsets = (),
-    match: Annotated[
-        Literal["time", "frame"], Parameter(help="Match images to frames by time, or by number from 0.")
-    ] = "time",
-    start_s: Annotated[float | None, Parameter(help="Start time, in the result's time.")] = None,
-    end_s: Annotated[float | None, Parameter(help="End time, exclusive, in the result's time.")] = None,
+    times: Annotated[_Times, Parameter(name="*")] = _Times(),
     save: Annotated[Path | None, Parameter(help="Write a .rrd file instead of opening a window.")] = None,
 ) -> None:
     """Open a result in the rerun viewer: people in 3D, camera images, and numbers over time.
@@ -47,8 +55,8 @@ def view(
     if save is None:
         require_display()
     _, whole = open_result(result)
-    opened = frames_between(whole, start_s, end_s)
-    videos = _viewer_videos(opened, video, offset_s, match)
+    opened = frames_between(whole, times.start_s, times.end_s)
+    videos = _viewer_videos(opened, video, offset_s, times.match)
     detections = detections_in(opened, recording, keypoints)
     if save is None:
         open_scene(opened, detections, videos, Bars())
