@@ -8,6 +8,7 @@ from posefuse.errors import OptionsError
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.frames import Frame
+from posefuse.model.layer_statuses import with_true_statuses
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.options import Options
 from posefuse.model.tracks import Tracks
@@ -81,7 +82,7 @@ class PointTriangulator:
         names = tuple(person.name for person in people.people)
         tracks = Tracks(names, index, np.array([[person.state for person in people.people]], dtype=np.int8))
         layer = self.method.solve(self.rig, detections, tracks, self.noise, self.options.triangulation)
-        layer = replace(layer, covariance_m2=np.asarray(layer.covariance_m2) * self.noise.spread**2)
+        layer = with_true_statuses(replace(layer, covariance_m2=np.asarray(layer.covariance_m2) * self.noise.spread**2))
         return MeasuredPoints(
             np.asarray(layer.points_m)[0], np.asarray(layer.covariance_m2)[0], np.asarray(layer.status)[0]
         )

@@ -98,6 +98,12 @@ def is_used(view_status: np.ndarray) -> np.ndarray:
     return np.isin(view_status, USED_CODES)
 
 
+def status_of_views(n_views: np.ndarray) -> np.ndarray:
+    """Return the status, int8, of points that rest on a number of views in their frame and on other frames or bones."""
+    by_number = [PointStatus.FILLED, PointStatus.HELD, PointStatus.TWO_VIEWS, PointStatus.OK]
+    return np.array(by_number, dtype=np.int8)[np.minimum(n_views, 3)]
+
+
 _POINT_SENTENCES = {
     PointStatus.OK: "measured from at least three views",
     PointStatus.TWO_VIEWS: "measured from two views, without a third view to check them",

@@ -12,6 +12,7 @@ from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
 from posefuse.left_right import relabel
 from posefuse.model.detections import Detections
 from posefuse.model.label_swaps import Swaps
+from posefuse.model.layer_statuses import with_true_statuses
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.result_ranges import FrameRange
 from posefuse.model.tracks import Tracks
@@ -166,7 +167,7 @@ def measure(plan: Plan, start: int, stop: int, smoother: WholeSmoother | None = 
     return FrameRange(
         detections.frame_numbers,
         solved_layer.mean_times(detections),
-        layers,
+        {name: with_true_statuses(layer) for name, layer in layers.items()},
         tracks,
         None if swaps is None else swaps.frames(start - first, stop - first),
         poses,

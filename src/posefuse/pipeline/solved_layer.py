@@ -10,6 +10,7 @@ import numpy as np
 from posefuse.arrays import ranges
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
+from posefuse.model.layer_statuses import with_true_statuses
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.options import Options
 from posefuse.model.options.trajectory import TrajectoryOptions
@@ -244,7 +245,7 @@ class LayerSolver:
         layer = window.part.layers["measured"]
         for step in self.steps:
             layer = step.apply(window, layer)
-        return _without_margin(window, layer)
+        return _without_margin(window, with_true_statuses(layer))
 
     def restricted_to(self, window: FrameWindow) -> "tuple[LayerSolver, FrameWindow]":
         """Return a solver that holds the data of a window only, and the window by its frame indices.

@@ -58,7 +58,7 @@ def smooth(points: Points, clock: Clock, name: Filter, options: PostprocessOptio
 
 
 def _with_covariance(points: Points, expected: Points) -> Points:
-    """Return smoothed points and covariances where points exist; points without covariance use the smoother's alone."""
+    """Return smoothed points and covariances where points exist and the smoother reaches."""
     in_both = (points.known & expected.known)[..., None]
     xyz = np.where(in_both, expected.xyz_m, points.xyz_m)
     covariance = np.where(in_both, expected.covariance_m2, points.covariance_m2)

@@ -12,6 +12,7 @@ import numpy as np
 
 from posefuse.model.options.postprocess import KalmanOptions
 from posefuse.model.reconstruction import unpack_covariance
+from posefuse.model.status import Source
 from posefuse.postprocess.points import Clock, Points
 
 _BATCH = 32
@@ -46,7 +47,7 @@ class _Estimates:
 def smooth_kalman(points: Points, clock: Clock, options: KalmanOptions) -> Points:
     """Estimate points from all their measurements, also inside gaps.
 
-    Points without covariance count as missing.
+    Filled points are not measurements, so they count as missing.
 
     Args:
         points: measured points.
@@ -57,11 +58,12 @@ def smooth_kalman(points: Points, clock: Clock, options: KalmanOptions) -> Point
         Points between the first and the last measurement, with covariances; sources are those given.
     """
     timed = np.isfinite(clock.time_s)
+    measurements = np.where((points.source == Source.FILLED)[..., None], np.nan, points.xyz_m)
     xyz, covariance = np.full_like(points.xyz_m, np.nan), np.full_like(points.covariance_m2, np.nan)
     factor = tempering(clock.period_s, options.error_memory_s)
     for start in range(0, points.xyz_m.shape[1], _BATCH):
         batch = slice(start, start + _BATCH)
-        measured, errors = points.xyz_m[timed, batch], factor * unpack_covariance(points.covariance_m2[timed, batch])
+        measured, errors = measurements[timed, batch], factor * unpack_covariance(points.covariance_m2[timed, batch])
         xyz[timed, batch], covariance[timed, batch] = _smooth(
             measured, errors, clock.time_s[timed], options.acceleration
         )

@@ -19,7 +19,7 @@ class Points:
 
     Attributes:
         xyz_m: shape (frame, point, 3), NaN where missing.
-        covariance_m2: shape (frame, point, 6), NaN where missing or unknown.
+        covariance_m2: shape (frame, point, 6), NaN where missing.
         source: shape (frame, point), int8: :class:`Source`.
     """
 
@@ -49,14 +49,15 @@ class Points:
         """
         shape = layer.points_m.shape
         known = self.known.reshape(shape[:-1])
+        source = np.where(known, self.source.reshape(shape[:-1]), Source.NONE).astype(np.int8)
         status = np.asarray(layer.status[:]).copy()
-        had_point = status < PointStatus.NOT_SEEN
-        dropped = ~known & had_point
-        status[known & ~had_point] = PointStatus.FILLED
+        dropped = ~known & (status < PointStatus.NOT_SEEN)
+        # A point that was dropped and filled again does not rest on its views.
+        filled = known & (source == Source.FILLED)
+        status[filled] = PointStatus.FILLED
         status[dropped] = PointStatus.OUTLIER
         views = np.asarray(layer.view_status[:]).copy()
-        views[dropped[..., None] & is_used(views)] = ViewStatus.NOT_USED
-        source = np.where(known, self.source.reshape(shape[:-1]), Source.NONE).astype(np.int8)
+        views[(dropped | filled)[..., None] & is_used(views)] = ViewStatus.NOT_USED
         return replace(
             layer,
             points_m=self.xyz_m.reshape(shape),

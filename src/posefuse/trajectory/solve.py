@@ -14,7 +14,7 @@ from posefuse.model.label_swaps import Swaps
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.model.reconstruction import Layer
-from posefuse.model.status import PointStatus, Source, ViewStatus
+from posefuse.model.status import PointStatus, Source, ViewStatus, status_of_views
 from posefuse.model.tracks import Tracks, TrackState
 from posefuse.trajectory.ambiguity import find_ambiguous
 from posefuse.trajectory.bones import Bones
@@ -159,11 +159,9 @@ def point_statuses(paths: Paths, before: np.ndarray, max_sd_m: float) -> np.ndar
         max_sd_m: maximum standard deviation of points not measured by two views; NaN disables the limit.
     """
     views = (paths.weights > _MIN_USED_WEIGHT).sum(axis=-1)
-    status = np.select(
-        [views > 2, views == 2, views == 1],
-        [PointStatus.OK, PointStatus.TWO_VIEWS, PointStatus.HELD],
-        PointStatus.FILLED,
-    )
+    # The views alone leave the depth or the choice of a solution uncertain, whatever other frames add.
+    warned = (views > 1) & np.isin(before, (PointStatus.WEAK_GEOMETRY, PointStatus.AMBIGUOUS))
+    status = np.where(warned, before, status_of_views(views))
     missing = np.where(before >= PointStatus.NOT_SEEN, before, PointStatus.OUTLIER)
     status = np.where(paths.alive, status, missing)
     total_covariance = paths.covariance_m2 + paths.persistent_covariance_m2

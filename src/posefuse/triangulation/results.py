@@ -155,8 +155,8 @@ class FlatLayer:
             status=status,
             source=np.where(status < PointStatus.NOT_SEEN, Source.MEASURED, Source.NONE).astype(np.int8),
             reprojection_error_px=self.reprojection_error_px.reshape(shape),
-            view_status=self.view_status.reshape(*shape, -1),
-            view_error_px=self.view_error_px.reshape(*shape, -1),
+            view_status=self.view_status.reshape(*shape, self.view_status.shape[-1]),
+            view_error_px=self.view_error_px.reshape(*shape, self.view_error_px.shape[-1]),
         )
 
 

@@ -47,8 +47,7 @@ def solve(detections: Detections, tracks: Tracks, noise: NoiseModel, options: Tr
     sigma = noise.scale_px[0] / np.where(solved, relative_precision, 1.0)
     covariance = np.zeros((*shape, 6))
     covariance[..., 0] = covariance[..., 3] = sigma**2
-    # The detector gives no accuracy of its depth.
-    covariance[..., 5] = 0.0 if options.flatten_single_view else np.nan
+    covariance[..., 5] = 0.0 if options.flatten_single_view else sigma**2 + _spread(np.where(solved, z, np.nan))
     covariance[~solved] = np.nan
     status = np.where(solved, PointStatus.SINGLE_VIEW, PointStatus.NOT_SEEN)
     view_status = np.where(low, ViewStatus.LOW_CONFIDENCE, np.where(solved, ViewStatus.USED, ViewStatus.UNSEEN))
@@ -65,3 +64,14 @@ def solve(detections: Detections, tracks: Tracks, noise: NoiseModel, options: Tr
         view_status=by_frame(view_status[..., None], np.int8),
         view_error_px=by_frame(np.full((*shape, 1), np.nan), np.float32),
     )
+
+
+def _spread(depth: np.ndarray) -> np.ndarray:
+    """Return the variance of the depths of each person in each frame, shape (person_frame, 1).
+
+    The detector gives no accuracy of its depth, and an informative depth is more accurate than their spread.
+    """
+    known = np.isfinite(depth)
+    count = np.maximum(known.sum(axis=-1, keepdims=True), 1)
+    mean = np.where(known, depth, 0.0).sum(axis=-1, keepdims=True) / count
+    return np.where(known, (depth - mean) ** 2, 0.0).sum(axis=-1, keepdims=True) / count

@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-from posefuse.model.options.postprocess import (
-    PostprocessOptions,
-)
+from posefuse.model.options.postprocess import KalmanOptions, PostprocessOptions
 from posefuse.model.status import Source
 from posefuse.postprocess.filters import smooth
-from posefuse.postprocess.gaps import fill
+from posefuse.postprocess.gaps import drop, fill
 from posefuse.postprocess.points import Clock, contiguous_ranges
 
 from .conftest import RATE_HZ, clock_of, points_of, wave
@@ -29,7 +27,9 @@ def test_only_short_inner_gaps_are_filled(how):
     assert (out.source[expected & np.isfinite(holed[:, 0, 0])] == Source.MEASURED).all()
     assert np.abs(out.xyz_m[20:26] - path[20:26]).max() < 0.01
     np.testing.assert_array_equal(out.xyz_m[:20], holed[:20])
-    assert np.isfinite(out.covariance_m2[20:26]).all() == (how == "smoother")
+    assert np.array_equal(np.isfinite(out.covariance_m2).all(axis=-1), out.known)
+    sd = np.sqrt(out.covariance_m2[20:26, 0, 0])
+    assert sd[[2, 3]].min() > sd[[0, 5]].max() > np.sqrt(out.covariance_m2[19, 0, 0])
 
 
 def test_linear_interpolation():
@@ -57,4 +57,33 @@ def test_smoothed_filled_points_stay_marked_as_filled():
     out = smooth(filled, clock_of(60), "butterworth", options)
     assert (out.source[30:33] == Source.FILLED).all()
     assert (out.source[:30] == Source.SMOOTHED).all()
-    assert np.isnan(out.covariance_m2[30:33]).all()
+    np.testing.assert_array_equal(out.covariance_m2[30:33], filled.covariance_m2[30:33])
+
+
+@pytest.mark.parametrize("how", ["linear", "pchip"])
+def test_covariance_of_interpolated_points_holds_for_motion_with_white_acceleration(how, rng):
+    frames, n, density = 13, 4000, 20.0
+    steps = rng.standard_normal((frames * 20, n)) * np.sqrt(density / (RATE_HZ * 20)) / (RATE_HZ * 20)
+    paths = np.cumsum(np.cumsum(steps, axis=0), axis=0)[19::20]
+    paths = paths + np.arange(frames)[:, None] * rng.standard_normal(n) * 0.05
+    measured = paths + 0.01 * rng.standard_normal(paths.shape)
+    points = points_of(np.repeat(measured[..., None], 3, axis=-1))
+    gap = np.zeros(frames, dtype=bool)
+    gap[3:9] = True
+    points = drop(points, np.repeat(gap[:, None], n, axis=1))
+    points.covariance_m2[~gap] = 1e-4 * np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
+    options = PostprocessOptions(fill=how, max_gap_s=1.0, kalman=KalmanOptions(acceleration=density))
+    out = fill(points, clock_of(frames), options)
+    ratio = (out.xyz_m[gap][..., 0] - paths[gap]).std(axis=1) / np.sqrt(out.covariance_m2[gap][:, 0, 0])
+    # Errors of the two ends are independent here, and the stated ones hold for any correlation.
+    assert ratio.max() < 1.05
+    assert ratio.min() > 0.6
+
+
+def test_filled_points_are_no_measurements_of_the_smoother():
+    path = wave(60, 1.0)
+    path[30:33] = np.nan
+    options = PostprocessOptions(fill="linear")
+    expected = smooth(points_of(path), clock_of(60), "kalman", options)
+    out = smooth(fill(points_of(path), clock_of(60), options), clock_of(60), "kalman", options)
+    np.testing.assert_array_equal(out.xyz_m[expected.known], expected.xyz_m[expected.known])

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from posefuse.model.cameras import CameraRig
+from posefuse.model.noise import NoiseModel
 from posefuse.model.options.options import Options
 from posefuse.model.options.triangulation import (
     METHODS,
@@ -16,27 +17,15 @@ from posefuse.model.options.triangulation import (
     WeightedSubsetsOptions,
 )
 from posefuse.model.reconstruction import Layer
-from posefuse.model.status import PointStatus, ViewStatus, is_used
+from posefuse.model.status import PointStatus, ViewStatus
+from posefuse.model.tracks import Tracks
 from posefuse.pipeline.reconstruct import triangulate
+from posefuse.triangulation.registry import find_method
 from tests.scenes import body_points, ring, simulate_detections
+from tests.statuses import assert_statuses_hold
 
 # Outliers and weak geometry are what these scenes consist of.
 pytestmark = pytest.mark.filterwarnings("ignore::posefuse.errors.PosefuseWarning")
-
-_LEAST_VIEWS = {PointStatus.OK: 3, PointStatus.TWO_VIEWS: 2, PointStatus.WEAK_GEOMETRY: 2, PointStatus.AMBIGUOUS: 2}
-
-
-def assert_statuses_hold(layer: Layer) -> None:
-    """Check that a status implies a point exactly if there are coordinates, a covariance and the stated views."""
-    has_point = np.asarray(layer.status) < PointStatus.NOT_SEEN
-    np.testing.assert_array_equal(np.isfinite(layer.points_m).all(axis=-1), has_point)
-    np.testing.assert_array_equal(np.isfinite(layer.points_m).any(axis=-1), has_point)
-    np.testing.assert_array_equal(np.isfinite(layer.covariance_m2).all(axis=-1), has_point)
-    n_views = is_used(layer.view_status).sum(axis=-1)
-    np.testing.assert_array_equal(n_views > 0, has_point)
-    for status, least in _LEAST_VIEWS.items():
-        assert (n_views[layer.status == status] >= least).all(), status
-    assert (n_views[layer.status == PointStatus.TWO_VIEWS] == 2).all()
 
 
 def measured(rig: CameraRig, method: str, n_frames: int = 12, outliers: float = 0.1, seed: int = 0, **options) -> Layer:
@@ -128,6 +117,17 @@ def test_nearly_parallel_rays_are_weak_geometry_for_every_method(method):
     with_point = layer.status[layer.has_point]
     assert len(with_point) > 50
     assert (with_point >= PointStatus.WEAK_GEOMETRY).mean() > 0.99
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_recording_without_people_has_a_layer_without_points(method):
+    rng, rig = np.random.default_rng(0), ring(4)
+    detections = simulate_detections(rig, body_points(rng, 3), rng)
+    tracks = Tracks((), np.empty((3, 0, 4), dtype=np.int32), np.empty((3, 0), dtype=np.int8))
+    layer = find_method(method).solve(
+        rig, detections, tracks, NoiseModel(np.full(4, 2.0)), TriangulationOptions(method=method, min_views=2)
+    )
+    assert layer.view_status.shape == (3, 0, 17, 4)
 
 
 @pytest.mark.parametrize("drops", [3, 4, 5])

@@ -45,6 +45,16 @@ def test_low_confidence_keypoints_are_not_used(one_view):
     assert np.isfinite(layer.points_m).all(axis=-1).sum() == layer.points_m[..., 0].size - 1
 
 
+def test_depth_has_a_variance(one_view, rng):
+    detections, tracks = one_view
+    depth = rng.normal(0.0, 30.0, np.shape(detections.confidence))
+    options = TriangulationOptions(flatten_single_view=False)
+    layer = single_view.solve(replace(detections, depth=depth), tracks, NOISE, options)
+    covariance = np.asarray(layer.covariance_m2)[:, 0]
+    spread = np.var(depth, axis=1)[:, None]
+    np.testing.assert_allclose(covariance[..., 5], covariance[..., 0] + spread)
+
+
 def test_depth_is_required_if_points_are_not_flattened(one_view):
     with pytest.raises(DetectionsError, match="these keypoints have none"):
         single_view.solve(*one_view, NOISE, TriangulationOptions(flatten_single_view=False))

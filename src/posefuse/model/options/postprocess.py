@@ -100,7 +100,8 @@ class KalmanOptions:
     """Options of the Rauch-Tung-Striebel smoother, which weights each point by its covariance and uses true times.
 
     Attributes:
-        acceleration: Spectral density of the white-noise acceleration that the Kalman smoother assumes.
+        acceleration: Spectral density of the white-noise acceleration that the Kalman smoother and the covariances of
+            filled points assume.
         error_memory_s: Correlation time of the errors of measured points; 0 assumes white noise.
     """
 
@@ -128,7 +129,7 @@ class PostprocessOptions:
         butterworth: Options of the Butterworth filter.
         savgol: Options of the Savitzky-Golay filter.
         one_euro: Options of the one-euro filter.
-        kalman: Options of the Kalman smoother, which postprocess.fill = smoother also uses.
+        kalman: Options of the Kalman smoother, whose motion model postprocess.fill also uses.
     """
 
     drop_beyond_px: float | None = option(None, above=0.0)

@@ -5,7 +5,7 @@ import numpy as np
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.reconstruction import Layer
-from posefuse.model.status import PointStatus, Source, ViewStatus
+from posefuse.model.status import PointStatus, Source, ViewStatus, status_of_views
 
 
 def model_layer(
@@ -15,10 +15,11 @@ def model_layer(
     points_m: np.ndarray,
     covariance_m2: np.ndarray,
     used: np.ndarray,
-    bridged: np.ndarray,
     absent: np.ndarray,
 ) -> Layer:
     """Return the points of fitted bodies as a layer, with reprojection errors.
+
+    The status states how many views of the frame support the keypoint; without any, it is filled.
 
     Args:
         rig: calibrated cameras.
@@ -27,7 +28,6 @@ def model_layer(
         points_m: shape (frame, person, keypoint, 3), NaN where there is none.
         covariance_m2: shape (frame, person, keypoint, 6).
         used: shape (frame, person, view, keypoint), bool.
-        bridged: shape (frame, person, keypoint), bool: points without supporting detections.
         absent: shape (frame, person), bool: people who are not present.
     """
     frames, people, keypoints = points_m.shape[:3]
@@ -40,13 +40,13 @@ def model_layer(
     present = np.isfinite(points_m[..., 0])
     # The missing keypoints of a body belong to a part that is not tracked, or to no tracked part.
     missing = np.where(present.any(axis=-1, keepdims=True), PointStatus.NOT_FOLLOWED, PointStatus.NOT_SEEN)
-    status = np.where(present, PointStatus.OK, missing)
+    number = counted.sum(axis=-1)
+    status = np.where(present, status_of_views(number), missing)
     status[absent] = PointStatus.ABSENT
     views = np.where(counted, ViewStatus.USED, np.where(np.isnan(errors), ViewStatus.UNSEEN, ViewStatus.OUTLIER))
-    number = counted.sum(axis=-1)
     mean = np.where(counted, errors, 0.0).sum(axis=-1) / np.maximum(number, 1)
     has = status < PointStatus.NOT_SEEN
-    source = np.where(bridged, Source.FILLED, Source.MODELED)
+    source = np.where(status == PointStatus.FILLED, Source.FILLED, Source.MODELED)
     return Layer(
         points_m=points_m,
         covariance_m2=covariance_m2,

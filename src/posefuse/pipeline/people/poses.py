@@ -38,7 +38,6 @@ class BodyArrays:
         points_m: shape (frame, person, keypoint, 3).
         covariance_m2: shape (frame, person, keypoint, 6).
         used: shape (frame, person, view, keypoint), bool.
-        bridged: shape (frame, person, keypoint), bool: the body or part has no supporting detections.
         turns: shape (frame, person, segment, 3, 3).
         directions: shape (frame, person, bone, 3).
         angle_sd_deg: shape (frame, person, angle).
@@ -48,7 +47,6 @@ class BodyArrays:
     points_m: np.ndarray
     covariance_m2: np.ndarray
     used: np.ndarray
-    bridged: np.ndarray
     turns: np.ndarray
     directions: np.ndarray
     angle_sd_deg: np.ndarray
@@ -63,7 +61,6 @@ class BodyArrays:
             np.full((*shape, keypoints, 3), np.nan),
             np.full((*shape, keypoints, 6), np.nan),
             np.zeros((*shape, views, keypoints), dtype=bool),
-            np.zeros((*shape, keypoints), dtype=bool),
             np.full((*shape, len(segments), 3, 3), np.nan),
             np.full((*shape, len(bones), 3), np.nan),
             np.full((*shape, len(skeleton_angle_names(skeleton))), np.nan),
@@ -92,7 +89,6 @@ class BodyArrays:
         body, (f, p) = person.body, cells
         self.points_m[f[:, None], p[:, None], keypoints] = body.points_m[seen]
         self.covariance_m2[f[:, None], p[:, None], keypoints] = body.covariance_m2[seen]
-        self.bridged[f[:, None], p[:, None], keypoints] = (person.missing_s[seen] > 0.0)[:, None]
         self.turns[f, p, first.segment : first.segment + body.turns.shape[1]] = body.turns[seen]
         self.directions[f, p, first.bone : first.bone + states.directions.shape[1]] = states.directions
         self.angle_sd_deg[f, p, first.angle : first.angle + states.angle_sd_deg.shape[1]] = states.angle_sd_deg

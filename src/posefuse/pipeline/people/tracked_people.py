@@ -129,9 +129,7 @@ class TrackedPeople:
                 first.angle + len(angle_names(part.tree)),
             )  # fmt: skip
         rows = self.tracks(start, stop).rows(detections)
-        layer = model_layer(
-            rig, detections, rows, out.points_m, out.covariance_m2, out.used, out.bridged, self._absent(start, stop)
-        )
+        layer = model_layer(rig, detections, rows, out.points_m, out.covariance_m2, out.used, self._absent(start, stop))
         names = self.skeleton.body_names
         angles = skeleton_angle_names(self.skeleton)
         return layer, Poses(
