@@ -14,6 +14,7 @@
     ├── StreamError        the source of a live stream cannot be opened or reached
     ├── EditError          an edit cannot be applied to a result
     └── ResultError        a result is invalid, or a format cannot hold it
+        └── LayerError     a result does not have a layer (also a KeyError)
 
 Every message states what is wrong, where, what was expected, what was found, and what to do about it. Messages and
 notes name arguments and options as Python does, in backticks (`` `rate_hz` ``, `` `pick='largest'` ``), and public
@@ -74,6 +75,12 @@ class EditError(PosefuseError):
 
 class ResultError(PosefuseError):
     """A result is invalid, or a format cannot hold it."""
+
+
+class LayerError(ResultError, KeyError):
+    """A result does not have a layer."""
+
+    __str__ = Exception.__str__
 
 
 class PosefuseWarning(UserWarning):

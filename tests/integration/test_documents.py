@@ -9,9 +9,13 @@ from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import posefuse
+from posefuse.io.calibration import anipose
 from posefuse.io.calibration.registry import CALIBRATIONS
+from posefuse.io.keypoints import native, openpose
 from posefuse.io.keypoints.registry import KEYPOINTS
 from posefuse.io.results.registry import RESULTS
 from posefuse.model.options.aliases import RENAMED
@@ -20,6 +24,8 @@ from posefuse.model.options.options import Options
 from posefuse.model.options.triangulation import METHODS
 from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.report.plots.registry import PLOT_NAMES
+from posefuse.synthetic.options import SceneOptions
+from posefuse.synthetic.scenes import simulate
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
@@ -37,7 +43,56 @@ def test_example_runs(example: Path, tmp_path: Path) -> None:
         env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout
+    assert re.search(r"\d", done.stdout)
+    assert not re.search(r"(?<![\w])(nan|inf)(?!\w)", done.stdout), done.stdout
+
+
+def python_blocks(page: Path) -> list[str]:
+    return re.findall(r"(?ms)^```python\n(.*?)^```", page.read_text("utf-8"))
+
+
+OTHER_PACKAGES = ("rtmlib", "aniposelib")
+"""Packages of other projects that a block may import; such a block is only compiled."""
+
+
+@pytest.fixture(scope="module", params=[1.0, 11.0], ids=["one_second", "eleven_seconds"])
+def workplace(request, tmp_path_factory) -> tuple[Path, dict[str, object]]:
+    """Return a folder with the files that the documents name, and the arrays of one frame."""
+    folder = tmp_path_factory.mktemp("documents")
+    scene = simulate(SceneOptions(duration_s=request.param, cameras=3, rate_hz=20.0, skeleton="halpe_26", seed=1))
+    (folder / "RECORDING").mkdir()
+    for place in (folder, folder / "RECORDING"):
+        anipose.write(scene.rig, place / "calibration.toml")
+    native.write(scene.detections, folder / "RECORDING" / "keypoints.nc")
+    openpose.write(scene.detections, folder / "pose")
+    posefuse.reconstruct_recording(folder / "RECORDING", folder / "out", posefuse.Options(health="off"))
+    people = [scene.detections.dense()[0][:1, v] for v in range(3)]
+    return folder, {"keypoints_px": people, "confidence": [np.ones(each.shape[:2]) for each in people]}
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if python_blocks(page)], ids=lambda path: path.stem)
+def test_python_in_documents_runs(page: Path, workplace, monkeypatch) -> None:
+    folder, names = workplace
+    monkeypatch.chdir(folder)
+    for block in python_blocks(page):
+        code = compile(block, str(page), "exec")
+        if any(f"from {package}" in block for package in OTHER_PACKAGES):
+            continue
+        exec(code, names)
+    results = [value for value in names.values() if isinstance(value, posefuse.Reconstruction)]
+    assert all(np.isfinite(result.best_layer()[1].points_m).any() for result in results)
+    points = names.get("points", names.get("good"))
+    assert points is not None
+    assert np.isfinite(np.asarray(points)).mean() > 0.5
+
+
+def test_files_of_a_result_are_those_of_the_readme(workplace) -> None:
+    folder, _ = workplace
+    text = (ROOT / "README.md").read_text("utf-8").split("`OUT` always holds")[1]
+    written = {re.sub(r"^person_1", "", path.name) for path in (folder / "out").iterdir() if path.is_file()}
+    is_long = "solved.csv" in written
+    expected = {name for name in re.findall(r"`([\w.]+)`", text.split("\n\n")[0]) if "." in name}
+    assert written == expected | ({"solved.csv", "angles.csv"} if is_long else set())
 
 
 def test_options_page_is_generated_from_the_records() -> None:

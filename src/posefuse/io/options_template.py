@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import tomli_w
 
-from posefuse.model.options.bounds import valid_choices, without_none
+from posefuse.model.options.bounds import valid_choices
 from posefuse.model.options.catalog import OptionEntry, list_options
 
 _HEADER = """\
@@ -70,12 +70,7 @@ def _example(entry: OptionEntry) -> str:
     """Return a valid value of an option that has no default, as TOML."""
     if entry.bounds.example is not None:
         return entry.bounds.example
-    inner, allowed = without_none(entry.hint), valid_choices(entry.hint, entry.bounds)
-    several = entry.default == ()
-    if allowed:
-        return f'["{allowed[0]}"]' if several else f'"{allowed[0]}"'
-    if inner is str or (several and inner == tuple[str, ...]):
-        return '["cam_1", "cam_2"]' if several else '"cam_1"'
-    if inner is int:
-        return "3"
-    return "[2.0, 2.5]" if several else "1.0"
+    allowed = valid_choices(entry.hint, entry.bounds)
+    if not allowed:
+        raise ValueError(f"{entry.name} has neither a default nor choices: declare an example.")
+    return f'["{allowed[0]}"]' if entry.default == () else f'"{allowed[0]}"'

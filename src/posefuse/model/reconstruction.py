@@ -7,7 +7,7 @@ from typing import TypeVar
 import numpy as np
 
 from posefuse.arrays import ArrayRange, check_shape, frozen, ranges, same
-from posefuse.errors import ResultError, choices
+from posefuse.errors import LayerError, ResultError, choices, suggestion
 from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES
@@ -98,6 +98,28 @@ class Layer:
     __hash__ = None  # type: ignore[assignment]
 
 
+_HOW_TO_GET = {
+    "measured": "The file that was read holds no points of single frames.",
+    "solved": "By default, points are solved over time for one subject, two or more cameras, ten seconds or more and "
+    "the method 'consensus'. Set `solve='trajectory'`, `postprocess.fill` or `postprocess.smooth` to get this layer.",
+    "model": "By default, bodies are fitted to several people whose skeleton has a kinematic tree. Set `bodies='fit'` "
+    "to get this layer.",
+}
+"""Layer to what its absence means."""
+
+
+class Layers(dict[str, Layer]):
+    """Layers by name; the name of a layer that does not exist raises an error that states the reason."""
+
+    def __missing__(self, name: str) -> Layer:
+        if name not in LAYERS:
+            raise LayerError(f"There is no layer {name!r}. {suggestion(str(name), LAYERS)}")
+        raise LayerError(
+            f"This result has no layer {name!r}; it has {choices(self)}. {_HOW_TO_GET[name]} best_layer() returns the "
+            "best layer of any result."
+        )
+
+
 @dataclass(frozen=True)
 class Provenance:
     """Origin of a result. Holds nothing that differs between two runs on the same input (no time, host or path).
@@ -127,7 +149,8 @@ class Reconstruction:
         person_ids: names of people, in the order of every person axis.
         frame_numbers: shape (frame,), int64: numbers of the frames in the recording.
         time_s: shape (frame,): mean time over the views that recorded the frame; NaN if unknown.
-        layers: name -> layer; see :data:`LAYERS`.
+        layers: name -> layer; see :data:`LAYERS`. Access to a layer that does not exist raises a LayerError, which is
+            also a KeyError and states how to get the layer.
         tracks: detection of each person in each view, or None for a result that was not made from detections.
         noise: noise model of the detections, or None for a result that was not made from detections.
         swaps: left/right swaps by view, or None if left/right labels were accepted as given.
@@ -170,7 +193,7 @@ class Reconstruction:
         object.__setattr__(self, "person_ids", tuple(self.person_ids))
         object.__setattr__(self, "frame_numbers", frozen(self.frame_numbers, np.int64))
         object.__setattr__(self, "time_s", frozen(self.time_s))
-        object.__setattr__(self, "layers", dict(self.layers))
+        object.__setattr__(self, "layers", Layers(self.layers))
         object.__setattr__(self, "events", tuple(self.events))
         n_frames, n_people = len(self.frame_numbers), len(self.person_ids)
         check_shape(ResultError, "Reconstruction", "time_s", self.time_s, frame=n_frames)
@@ -215,15 +238,13 @@ class Reconstruction:
         The model is not the default where it covers less than half of the keypoints that have an edge.
 
         Raises:
-            ResultError: if the named layer does not exist.
+            LayerError: if the named layer does not exist.
         """
         if name is None:
             with_edge = len(set(self.skeleton.edge_indices.ravel().tolist()))
             sparse = 2 * len(self.skeleton.unmodeled) > with_edge
             present: list[LayerName] = [layer for layer in LAYERS if layer in self.layers]
             name = present[-2] if sparse and present[-1] == "model" and len(present) > 1 else present[-1]
-        if name not in self.layers:
-            raise ResultError(f"This result has no layer {name!r}; it has {choices(self.layers)}.")
         return name, self.layers[name]
 
     def frames(self, start: int, stop: int) -> "Reconstruction":

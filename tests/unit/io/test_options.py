@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from functools import reduce
 
 import pytest
 
@@ -36,15 +37,36 @@ def test_template_explains_every_option(entry):
     assert entry.text in comment
 
 
+EXCLUSIVE = [("align", "height_m"), ("align", "floor"), ("align", "origin"), ("align", "forward")]
+"""Examples that another example of the template excludes."""
+NEED_OTHERS = {
+    "noise.cameras", "noise.scale_px", "sync.cameras", "sync.start_s", "sync.offset_s", "sync.drift_ppm",
+    "align.length_m", "align.length_between",
+}  # fmt: skip
+"""Examples of options that are valid only together with others, which the template sets."""
+
+
 @pytest.mark.parametrize("template", [options_template(), project_template()], ids=["all", "common"])
 def test_examples_in_the_templates_are_valid(template):
     data = tomllib.loads(re.sub(r"(?m)^# (\w+ = )", r"\1", template))
-    for key in (*PROJECT_KEYS, "exclude_camera"):
+    for key in PROJECT_KEYS:
         data.pop(key, None)
-    if "length_m" in data["align"]:
-        for key in ("height_m", "floor", "origin", "forward"):
-            data["align"].pop(key)
+    for table, key in EXCLUSIVE:
+        data.get(table, {}).pop(key, None)
     options_from_dict(data, "template")
+
+
+def test_each_example_in_the_template_is_valid_by_itself():
+    data = tomllib.loads(re.sub(r"(?m)^# (\w+ = )", r"\1", options_template()))
+    for entry in list_options():
+        table = reduce(lambda tables, key: tables[key], entry.name.split(".")[:-1], data)
+        if not entry.is_unset or entry.name in NEED_OTHERS:
+            continue
+        value: object = {entry.key: table[entry.key]}
+        for key in reversed(entry.name.split(".")[:-1]):
+            value = {key: value}
+        options = options_from_dict(value, "template")
+        assert options != Options(), entry.name
 
 
 def test_project_template_has_paths_and_25_options(tmp_path):

@@ -1,11 +1,12 @@
 """Reconstructions: layers that fit, ranges, statuses with sentences."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from posefuse.errors import OptionsError, ResultError
+from posefuse.errors import LayerError, OptionsError, PosefuseError, ResultError
 from posefuse.model.concatenate import concatenate_ranges
 from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import Layer, Reconstruction, unpack_covariance
@@ -68,6 +69,19 @@ def test_best_layer_is_the_most_processed_one(result):
     assert both.best_layer("measured")[0] == "measured"
     with pytest.raises(ResultError, match="no layer 'model'; it has measured"):
         result.best_layer("model")
+
+
+def test_absent_layer_is_an_error_that_states_how_to_get_it(result):
+    with pytest.raises(KeyError) as caught:
+        result.layers["solved"]
+    assert isinstance(caught.value, PosefuseError)
+    assert str(caught.value).startswith("This result has no layer 'solved'; it has measured. By default, points are")
+    assert "`solve='trajectory'`" in str(caught.value)
+    with pytest.raises(LayerError, match="There is no layer 'smoothed'. Choose one of: measured, solved, model"):
+        result.layers["smoothed"]
+    assert "solved" not in result.layers
+    assert result.layers.get("solved") is None
+    assert pickle.loads(pickle.dumps(result.layers)) == result.layers
 
 
 def test_derived_numbers_of_a_layer(result):

@@ -55,7 +55,7 @@ class AlignOptions:
     forward_m: tuple[float, ...] = option((), lengths=(0, 3), example="[1.0, 0.0, 0.0]")
     preset: Preset = option("none", common=True)
     height_m: float | None = option(None, above=0.0, example="1.78", common=True)
-    length_m: float | None = option(None, above=0.0)
+    length_m: float | None = option(None, above=0.0, example="0.43")
     length_between: tuple[str, ...] = option((), lengths=(0, 2), example='["left_knee", "left_ankle"]')
 
     def __post_init__(self) -> None:

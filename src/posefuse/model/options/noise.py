@@ -17,10 +17,10 @@ class NoiseOptions:
         nu: Degrees of freedom of the Student-t error distribution, stored with the result.
     """
 
-    cameras: tuple[str, ...] = ()
-    scale_px: tuple[float, ...] = option((), above=0.0)
+    cameras: tuple[str, ...] = option((), example='["cam_1", "cam_2"]')
+    scale_px: tuple[float, ...] = option((), above=0.0, example="[4.5, 5.0]")
     spread: float = option(1.0, above=0.0)
-    nu: float | None = option(None, above=0.0)
+    nu: float | None = option(None, above=0.0, example="2.5")
 
     def __post_init__(self) -> None:
         check_fields(self, "noise")

@@ -101,7 +101,7 @@ class Options:
     camera_order: tuple[str, ...] = option((), example='["cam_2", "cam_1"]')
     start_s: float | None = option(None, common=True, example="2.0")
     end_s: float | None = option(None, common=True, example="12.0")
-    noise_scale_px: float | None = option(None, above=0.0)
+    noise_scale_px: float | None = option(None, above=0.0, example="4.5")
     health: Switch = "on"
     layer: LayerName | None = option(None, common=True)
     triangulation: TriangulationOptions = field(default_factory=TriangulationOptions)

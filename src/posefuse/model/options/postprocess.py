@@ -132,8 +132,8 @@ class PostprocessOptions:
         kalman: Options of the Kalman smoother, whose motion model postprocess.fill also uses.
     """
 
-    drop_beyond_px: float | None = option(None, above=0.0)
-    drop_beyond_sd_m: float | None = option(None, above=0.0)
+    drop_beyond_px: float | None = option(None, above=0.0, example="20.0")
+    drop_beyond_sd_m: float | None = option(None, above=0.0, example="0.05")
     fill: Fill = option("none", common=True)
     max_gap_s: float = option(0.2, above=0.0, common=True)
     smooth: tuple[Filter, ...] = option((), common=True, example='["hampel", "butterworth"]')

@@ -18,7 +18,7 @@ class SubjectOptions:
     """
 
     mass_table: MassTable = "none"
-    mass_kg: float | None = option(None, above=0.0)
+    mass_kg: float | None = option(None, above=0.0, example="70.0")
 
     def __post_init__(self) -> None:
         check_fields(self, "subject")

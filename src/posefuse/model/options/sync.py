@@ -23,10 +23,10 @@ class SyncOptions:
         drift_ppm: Rate at which the offset grows.
     """
 
-    cameras: tuple[str, ...] = ()
-    start_s: tuple[float, ...] = ()
-    offset_s: tuple[float, ...] = ()
-    drift_ppm: tuple[float, ...] = option((), above=-1e6, below=1e6)
+    cameras: tuple[str, ...] = option((), example='["cam_2", "cam_3"]')
+    start_s: tuple[float, ...] = option((), example="[0.0, 0.0]")
+    offset_s: tuple[float, ...] = option((), example="[0.012, -0.008]")
+    drift_ppm: tuple[float, ...] = option((), above=-1e6, below=1e6, example="[0.0, 15.0]")
 
     def __post_init__(self) -> None:
         check_fields(self, "sync")

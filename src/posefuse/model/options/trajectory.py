@@ -38,13 +38,13 @@ class TrajectoryOptions:
     """
 
     prior: SmoothnessPrior = "jerk"
-    density: float | None = option(None, above=0.0, unit="m^2/s^5 or m^2/s^3")
+    density: float | None = option(None, above=0.0, unit="m^2/s^5 or m^2/s^3", example="1000.0")
     density_window_s: float = option(0.1, at_least=0.0)
     density_prior_s: float = option(0.005, above=0.0)
     bones: bool = True
     min_bone_variation: float = option(0.003, at_least=0.0)
     max_rigid_bone_variation: float = option(0.03, at_least=0.0)
-    correlation_s: float | None = option(None, at_least=0.0)
+    correlation_s: float | None = option(None, at_least=0.0, example="0.25")
     max_gap_s: float = option(0.5, at_least=0.0)
     max_sd_share: float = option(0.05, above=0.0)
     full_weight_sigma: float = option(2.5, above=0.0)

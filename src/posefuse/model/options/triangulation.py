@@ -72,7 +72,7 @@ class PercentileFilterOptions:
     """
 
     percentile: float = option(90.0, at_least=0.0, at_most=100.0)
-    threshold_px: float | None = option(None, at_least=0.0)
+    threshold_px: float | None = option(None, at_least=0.0, example="15.0")
     min_views_left: int = option(3, at_least=2)
 
     def __post_init__(self) -> None:
@@ -92,7 +92,7 @@ class RansacOptions:
     """
 
     threshold_px: float = option(15.0, above=0.0)
-    threshold_m: float | None = option(None, above=0.0)
+    threshold_m: float | None = option(None, above=0.0, example="0.05")
     max_iterations: int = option(200, at_least=1)
     confidence: float = option(0.999, above=0.0, below=1.0)
     seed: int = option(0, at_least=0)
@@ -122,7 +122,7 @@ class TriangulationOptions:
     """
 
     method: str = option("consensus", choices=METHODS, common=True)
-    min_views: int | None = option(None, at_least=2, common=True)
+    min_views: int | None = option(None, at_least=2, common=True, example="3")
     min_confidence: float = option(0.2, at_least=0.0, common=True)
     confidence_exponent: float = option(0.0, at_least=0.0, at_most=4.0)
     flatten_single_view: bool = True
