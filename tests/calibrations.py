@@ -273,6 +273,20 @@ def parameter_table(rig: CameraRig, folder: Path) -> Path:
     return folder / "camera_params.parquet"
 
 
+def nested_table(rig: CameraRig, folder: Path) -> Path:
+    """Write the intrinsic and extrinsic parameters as structs, like a notebook with awkward arrays."""
+    intrinsic = [{"camera_matrix": c.matrix.tolist(), "distortion_coefficients": coefficients(c)} for c in rig.cameras]
+    extrinsic = [
+        {"rvec": vector_from_rotation(c.rotation)[:, None].tolist(), "tvec": c.translation_m[:, None].tolist()}
+        for c in rig.cameras
+    ]
+    sizes = [{"width": c.size_px[0], "height": c.size_px[1]} for c in rig.cameras]
+    columns = {"name": list(rig.names), "intrinsic": intrinsic, "extrinsic": extrinsic, "resolution": sizes}
+    folder.mkdir(parents=True, exist_ok=True)
+    pq.write_table(pa.table(columns), folder / "camera_params.parquet")
+    return folder / "camera_params.parquet"
+
+
 def projections(rig: CameraRig, folder: Path) -> Path:
     """With a factor and a sign of no meaning."""
     factors = np.resize([2.0, -0.5, 1.0], len(rig))
@@ -305,7 +319,8 @@ WRITERS: dict[str, Callable[[CameraRig, Path], Path]] = {
     writer.__name__: writer
     for writer in (
         caliscope_old, caliscope_new, vicon, easymocap, opencv_yaml, opencv_xml, jarvis, opencap, mc_dev, association4d,
-        panoptic, acinoset, scene, scene_of_poses, old_scene, kalibr, label3d, parameter_table, projections,
+        panoptic, acinoset, scene, scene_of_poses, old_scene, kalibr, label3d, parameter_table, nested_table,
+        projections,
         projection_texts, anipose, pose2sim, qualisys,
     )
 }  # fmt: skip

@@ -304,6 +304,15 @@ def replay_without_head(detections: Detections, folder: Path) -> Path:
     return path
 
 
+def replay_json(detections: Detections, folder: Path) -> Path:
+    """Write one object with the description and all frames."""
+    lines = replay_lines(detections, folder).read_text().splitlines()
+    (folder / "replay.jsonl").unlink()
+    head, *frames = map(json.loads, lines)
+    (folder / "replay.json").write_text(json.dumps({**head, "frames": frames}, indent=1))
+    return folder / "replay.json"
+
+
 def payload_lines(detections: Detections, folder: Path) -> Path:
     """Write one record per camera and frame, with times of one clock."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -402,8 +411,8 @@ WRITERS: dict[str, Callable[[Detections, Path], Path]] = {
     for writer in (
         openpose, mmpose, rtmlib, alphapose, coco_results, coco_annotations, easymocap, deeplabcut_many, deeplabcut_h5,
         deeplabcut_fixed, label3d, sleap, own, deeplabcut, tidy_csv, tidy_table, tidy_of_others, detection_folder,
-        replay_lines, replay_without_head, payload_lines, payload_arrays, slp, mediapipe_json, mediapipe_wide,
-        mediapipe_long, opencap, eks,
+        replay_lines, replay_without_head, replay_json, payload_lines, payload_arrays, slp, mediapipe_json,
+        mediapipe_wide, mediapipe_long, opencap, eks,
     )
 }  # fmt: skip
 

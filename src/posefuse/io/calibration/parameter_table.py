@@ -1,8 +1,10 @@
 """Camera parameter tables in parquet (``camera_params.parquet``): one row per camera, R, T or rvec as in OpenCV.
 
 Columns: ``name`` (or ``camera``), ``K`` (or ``fx fy cx cy``), ``dist`` (or ``DC``, ``distortion``), ``R`` (9) or
-``rvec`` (3), ``T`` (or ``tvec``), ``width`` and ``height``. Tables of the ActualTest notebook have rotation vectors
-averaged component by component over several images of a board. This is not a mean of rotations, so a note says so.
+``rvec`` (3), ``T`` (or ``tvec``), ``width`` and ``height``. They may be nested in structs, such as ``intrinsic`` with
+``camera_matrix`` and ``distortion_coefficients``, and ``extrinsic`` with ``rvec`` and ``tvec``. Tables of the
+ActualTest notebook have rotation vectors averaged component by component over several images of a board. This is not a
+mean of rotations, so a note says so.
 """
 
 from pathlib import Path
@@ -39,10 +41,16 @@ def matches(path: Path) -> bool:
 
 
 def _columns(path: Path) -> list[str]:
+    """Return the names of the columns, and of the fields of columns that are structs."""
+    import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
-        return list(pq.read_schema(path).names)
+        names = []
+        for field in pq.read_schema(path):
+            is_struct = pa.types.is_struct(field.type)
+            names += [inner.name for inner in field.type] if is_struct else [field.name]
+        return names
     except Exception:  # a corrupt file can raise any exception
         return []
 
@@ -63,9 +71,25 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
         raise
     except Exception as error:  # a corrupt file can raise any exception
         raise FileError(f"{path} is not a valid parquet file: {str(error)[:120]}. Is it truncated?") from None
+    rows = [_unnested(path, i, row) for i, row in enumerate(rows)]
     records = [_camera(path, i, row) for i, row in enumerate(rows)]
     vectors = any("rvec" in row for row in rows)
     return build_rig(path, records, unit, "m", notes=(_BIASED.format(path.name),) if vectors else ())
+
+
+def _unnested(path: Path, index: int, row: dict[str, Any]) -> dict[str, Any]:
+    """Return a row with the fields of its structs as columns.
+
+    Raises:
+        FileError: if two fields have the same name.
+    """
+    flat = {name: value for name, value in row.items() if not isinstance(value, dict)}
+    for struct, value in row.items():
+        for name, inner in value.items() if isinstance(value, dict) else ():
+            if flat.get(name) is not None and inner is not None:
+                raise FileError(f"{path}, row {index}: {struct}.{name} repeats the field {name!r}.")
+            flat[name] = inner if inner is not None else flat.get(name)
+    return flat
 
 
 def _camera(path: Path, index: int, row: dict[str, Any]) -> CameraRecord:
@@ -98,7 +122,7 @@ FORMAT = CalibrationFormat(
     name="parameter_table",
     files="camera_params.parquet",
     conventions="meters; R T or rvec, world to camera; up axis unknown: `up`",
-    recognized_by="parquet columns R, T or rvec",
+    recognized_by="parquet columns or structs with R, T or rvec",
     matches=matches,
     read=read,
 )

@@ -4,12 +4,14 @@
 and ``height``, ``type`` (``pinhole`` or ``fisheye``); meters. ``extrinsic_format``, of the file or of a camera,
 defines R and T: ``opencv_world_to_camera`` (the default, as from solvePnP) or ``rpt_camera_pose``, the camera's pose
 in the world, with the transposed rotation and the camera's position. Scene files without this key that list images
-(``imgpaths``) are old files of the second kind.
+(``imgpaths``) are old files of the second kind. A file may also hold the frames of a replay
+(:mod:`posefuse.io.keypoints.replay`); they are skipped.
 """
 
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from posefuse.errors import FileError, suggestion
@@ -18,19 +20,19 @@ from posefuse.io.calibration.camera_records import (
     as_numbers,
     build_rig,
     dict_list,
-    json_matches,
     read_json,
 )
 from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.model.cameras import CameraRig, rotation_from_vector
 from posefuse.model.options.options import LengthUnit
 
+_HEAD_BYTES = 1 << 16
 FORMATS = ("opencv_world_to_camera", "rpt_camera_pose")
 
 
 def matches(path: Path) -> bool:
     """Return whether the file is in this format."""
-    cameras = dict_list(json_matches(path), "cameras")
+    cameras = dict_list(_content(path), "cameras")
     return bool(cameras) and all({"K", "T"} <= set(c) and ("R" in c or "rvec" in c) for c in cameras)
 
 
@@ -41,10 +43,27 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
         FileError: if the file does not conform to its format, or has an unsupported ``extrinsic_format``.
         CameraError: if a camera's parameters are invalid.
     """
-    data = read_json(path)
+    data = _content(path)
+    if not isinstance(data, dict):
+        raise FileError(f"{path} is not a scene: expected an object with a list of cameras.")
     default = data.get("extrinsic_format") or ("rpt_camera_pose" if "imgpaths" in data else FORMATS[0])
     records = [_camera(path, i, camera, default) for i, camera in enumerate(dict_list(data, "cameras"))]
     return build_rig(path, records, unit, "m")
+
+
+def _content(path: Path) -> Any:
+    """Return the content of a JSON file without the frames of a replay; None if it is no scene."""
+    if path.suffix != ".json" or not path.is_file():
+        return None
+    with path.open("rb") as file:
+        has_frames = b'"frames"' in file.read(_HEAD_BYTES)
+    if not has_frames:
+        return read_json(path)
+    try:
+        fields = msgspec.json.decode(path.read_bytes(), type=dict[str, msgspec.Raw])
+        return {name: msgspec.json.decode(value) for name, value in fields.items() if name != "frames"}
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        return None
 
 
 def _camera(path: Path, index: int, camera: dict[str, Any], default: Any) -> CameraRecord:

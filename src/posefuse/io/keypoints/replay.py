@@ -1,6 +1,6 @@
-"""Replays, ``*.jsonl``: one line per frame with the detections of each camera. Frames without people are kept.
+"""Replays, ``*.jsonl`` or ``*.json``: frames with the detections of each camera. Frames without people are kept.
 
-The first line describes the recording. Every other line is a frame::
+The first line of a ``.jsonl`` describes the recording. Every other line is a frame::
 
     {"replay": 1, "skeleton": {...} or "coco_17", "cameras": ["left", "right"], "rate_hz": 30.0, "notes": []}
     {"frame": 0, "cameras": {"left": {"time_s": 0.0, "detections": [
@@ -9,12 +9,18 @@ The first line describes the recording. Every other line is a frame::
 A keypoint is ``[x, y]`` or ``[x, y, confidence]`` in px, or ``null`` if it was not detected; an unknown confidence is
 ``null``. A camera that is absent from a line did not record the frame. ``sigma_px`` and ``depth`` of a detection are
 lists with one number per keypoint. Without the first line, the cameras are sorted by name and the skeleton is inferred
-from the number of keypoints. The specification requires a file with typed detections by frame and camera; the field
+from the number of keypoints.
+
+A ``.json`` is one object, the description with the list ``frames``, or only the list of frames. Its ``cameras`` may be
+names, or the cameras of a scene (:mod:`posefuse.io.calibration.scene`), so that one file holds a whole recording.
+
+The specification requires a file with typed detections by frame and camera; the field
 names are defined here.
 """
 
 import json
 from array import array
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -74,12 +80,37 @@ class _Header(msgspec.Struct):
     notes: list[str] = []
 
 
+class _SceneCamera(msgspec.Struct):
+    name: str | int | None = None
+
+
+class _Document(msgspec.Struct):
+    frames: list[msgspec.Raw]
+    replay: int = _VERSION
+    cameras: list[str | _SceneCamera] = []
+    skeleton: Any = None
+    rate_hz: float | None = None
+    notes: list[str] = []
+
+
+_FrameText = tuple[str, Record, bytes]
+"""A frame before it is decoded: where it is, for messages, its position in the file, and its JSON text."""
+
 _read_frame = msgspec.json.Decoder(_Frame)
 _read_header = msgspec.json.Decoder(_Header)
+_read_document = msgspec.json.Decoder(_Document | list[msgspec.Raw])
+_HEAD_BYTES = 1 << 16
 
 
 def matches(path: Path) -> bool:
     """Return whether a file is in this format."""
+    if path.suffix == ".json" and path.is_file():
+        with path.open("rb") as file:
+            start = file.read(_HEAD_BYTES)
+        is_list = start.lstrip()[:1] == b"["
+        return all(f'"{key}"'.encode() in start for key in ("frame", "cameras", "detections")) and (
+            is_list or b'"frames"' in start
+        )
     if path.suffix != ".jsonl" or not path.is_file():
         return False
     with path.open("rb") as lines:
@@ -95,15 +126,19 @@ def read(path: Path, request: Request) -> Detections:
         SkeletonError: If neither the file nor the number of keypoints identifies a skeleton.
         DetectionsError: If a number is impossible.
     """
-    with path.open("rb") as lines:
-        header = _header(path, lines.readline())
-        lines.seek(0)
-        content = _index_lines(path, lines, header, request)
-    names = header.cameras if header is not None else sorted(content.names)
+    if path.suffix == ".json":
+        header, frames = _read_whole(path)
+        content = _index(path, frames, request)
+    else:
+        with path.open("rb") as lines:
+            header = _header(path, lines.readline())
+            lines.seek(0)
+            content = _index(path, _lines(path, lines, header), request)
+    names = header.cameras if header is not None and header.cameras else sorted(content.names)
     unknown = sorted(set(content.names) - set(names))
     if unknown:
         raise FileError(
-            f"{path} has detections of cameras that its first line does not list: {choices(unknown)}. It lists "
+            f"{path} has detections of cameras that its description does not list: {choices(unknown)}. It lists "
             f"{choices(names)}."
         )
     views = np.array([names.index(name) for name in content.names], dtype=np.int64)
@@ -127,8 +162,37 @@ def _header(path: Path, line: bytes) -> _Header | None:
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise FileError(f"{path}, line 1 is not a valid replay header: {error}. Is the file truncated?") from None
     if header.replay != _VERSION:
-        raise FileError(f"{path} is a replay of version {header.replay}; this version of posefuse reads {_VERSION}.")
+        raise _other_version(path, header.replay)
     return header
+
+
+def _other_version(path: Path, version: int) -> FileError:
+    return FileError(f"{path} is a replay of version {version}; this version of posefuse reads {_VERSION}.")
+
+
+def _read_whole(path: Path) -> tuple[_Header | None, list[_FrameText]]:
+    """Return the description, if there is one, and the frames of a ``.json``."""
+    text = path.read_bytes()
+    try:
+        document = _read_document.decode(text)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise FileError(f"{path} is not a valid replay: {error}. Is the file truncated?") from None
+    frames, at = [], 0
+    for number, raw in enumerate(document if isinstance(document, list) else document.frames):
+        frame = bytes(raw)
+        # Only spaces and a comma separate the frames; the text before the first has none of their keys.
+        at = text.index(frame, at)
+        frames.append((f"{path}, frame {number} of the list", Record(0, at, len(frame)), frame))
+        at += len(frame)
+    if isinstance(document, list):
+        return None, frames
+    if document.replay != _VERSION:
+        raise _other_version(path, document.replay)
+    given = [each if isinstance(each, str) else each.name for each in document.cameras]
+    names = [str(index if name is None else name) for index, name in enumerate(given)]
+    if not names and (document.skeleton, document.rate_hz, document.notes) == (None, None, []):
+        return None, frames
+    return _Header(_VERSION, names, document.skeleton, document.rate_hz, document.notes), frames
 
 
 def _skeleton(path: Path, content: Any) -> Skeleton | None:
@@ -137,7 +201,7 @@ def _skeleton(path: Path, content: Any) -> Skeleton | None:
     try:
         return skeleton_from_text(json.dumps(content))
     except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
-        raise FileError(f"{path}, line 1: the skeleton is invalid: {error!r}.") from None
+        raise FileError(f"{path}: the skeleton is invalid: {error!r}.") from None
 
 
 @dataclass
@@ -159,20 +223,25 @@ class _Content:
     depth: bool = False
 
 
-def _index_lines(path: Path, lines: BinaryIO, header: _Header | None, request: Request) -> _Content:
-    # The number of lines is not known in advance, so progress counts bytes.
-    request.progress.start("reading keypoints", path.stat().st_size)
-    content, frames, at, n_frames = _Content(), set[int](), 0, 0
+def _lines(path: Path, lines: BinaryIO, header: _Header | None) -> Iterator[_FrameText]:
+    """Yield the frames of a ``.jsonl``."""
+    at = 0
     for number, line in enumerate(lines, start=1):
         start, at = at, at + len(line)
-        request.progress.advance(len(line))
-        if (header is not None and number == 1) or not line.strip():
-            continue
-        where = f"{path}, line {number}"
-        frame = _decoded(line, where)
+        if line.strip() and (header is None or number > 1):
+            yield f"{path}, line {number}", Record(0, start, len(line)), line
+
+
+def _index(path: Path, texts: Iterable[_FrameText], request: Request) -> _Content:
+    # The number of frames is not known in advance, so progress counts bytes.
+    request.progress.start("reading keypoints", path.stat().st_size)
+    content, frames, n_frames = _Content(), set[int](), 0
+    for where, record, text in texts:
+        request.progress.advance(record.size)
+        frame = _decoded(text, where)
         frames.add(checked_integer(frame.frame, "the frame", where))
         n_frames += 1
-        _add_frame(content, frame, Record(0, start, len(line)), where)
+        _add_frame(content, frame, record, where)
     request.progress.finish()
     if not n_frames:
         raise FileError(f"{path} is an empty recording: it has no frames.")
@@ -302,7 +371,7 @@ def lost(detections: Detections, path: Path) -> tuple[str, ...]:
 
 FORMAT = KeypointFormat(
     name="replay",
-    files="*.jsonl, one line per frame with the detections of each camera",
+    files="*.jsonl, one line per frame with the detections of each camera, or *.json with a list of frames",
     conventions="px; null is missing; frames without people are kept; lossless",
     matches=matches,
     read=read,

@@ -7,6 +7,45 @@ import pytest
 
 from posefuse import read_detections
 from posefuse.errors import FileError
+from posefuse.io.open_recording import open_recording
+from posefuse.synthetic.options import CLEAN, SceneOptions
+from posefuse.synthetic.scenes import simulate
+from tests import calibrations, keypoint_files
+
+
+def test_one_file_holds_cameras_and_frames(tmp_path):
+    """A scene with frames is a whole recording, also if it is larger than a calibration may be."""
+    scene = simulate(SceneOptions(duration_s=0.3, cameras=3, detector=CLEAN))
+    (tmp_path / "parts").mkdir()
+    cameras = json.loads(calibrations.scene(scene.rig, tmp_path / "parts").read_text())["cameras"]
+    replay = json.loads(keypoint_files.replay_json(scene.detections, tmp_path / "parts").read_text())
+    (tmp_path / "recording").mkdir()
+    del replay["notes"]
+    text = json.dumps({**replay, "cameras": cameras, "notes": ["x" * 9_000_000]})
+    (tmp_path / "recording" / "scene.json").write_text(text)
+    opened = open_recording(tmp_path / "recording")
+    assert opened.rig.names == scene.rig.names
+    np.testing.assert_allclose([c.matrix for c in opened.rig.cameras], [c.matrix for c in scene.rig.cameras])
+    np.testing.assert_array_equal(opened.detections.keypoints_px[:], scene.detections.keypoints_px[:])
+    assert opened.detections.view_names == scene.detections.view_names
+
+
+def test_list_of_frames(tmp_path):
+    frames = [
+        {"frame": f, "cameras": {"a": {"time_s": f / 10, "detections": [{"keypoints": [[f, 2, 0.5]] * 17}]}}}
+        for f in (3, 1, 2)
+    ]
+    (tmp_path / "replay.json").write_text(json.dumps(frames))
+    detections = read_detections(tmp_path / "replay.json")
+    assert detections.frame_numbers.tolist() == [1, 2, 3]
+    np.testing.assert_array_equal(detections.keypoints_px[:, 0, 0], [1, 2, 3])
+    frames[1]["cameras"]["a"]["detections"][0]["keypoints"] = [[1.0]] * 17
+    (tmp_path / "replay.json").write_text(json.dumps(frames))
+    with pytest.raises(FileError, match=r"frame 1 of the list, camera 'a': expected keypoints \[x, y\]"):
+        read_detections(tmp_path / "replay.json")
+    (tmp_path / "replay.json").write_text(json.dumps(frames)[:-9])
+    with pytest.raises(FileError, match="is not a valid replay.*truncated"):
+        read_detections(tmp_path / "replay.json")
 
 
 class TestRecords:
