@@ -36,16 +36,16 @@ def test_list_of_frames(tmp_path):
         for f in (3, 1, 2)
     ]
     (tmp_path / "replay.json").write_text(json.dumps(frames))
-    detections = read_detections(tmp_path / "replay.json")
+    detections = read_detections(tmp_path / "replay.json", "coco_17")
     assert detections.frame_numbers.tolist() == [1, 2, 3]
     np.testing.assert_array_equal(detections.keypoints_px[:, 0, 0], [1, 2, 3])
     frames[1]["cameras"]["a"]["detections"][0]["keypoints"] = [[1.0]] * 17
     (tmp_path / "replay.json").write_text(json.dumps(frames))
     with pytest.raises(FileError, match=r"frame 1 of the list, camera 'a': expected keypoints \[x, y\]"):
-        read_detections(tmp_path / "replay.json")
+        read_detections(tmp_path / "replay.json", "coco_17")
     (tmp_path / "replay.json").write_text(json.dumps(frames)[:-9])
     with pytest.raises(FileError, match="is not a valid replay.*truncated"):
-        read_detections(tmp_path / "replay.json")
+        read_detections(tmp_path / "replay.json", "coco_17")
 
 
 class TestRecords:
