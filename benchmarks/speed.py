@@ -77,10 +77,17 @@ def compare_with_aniposelib(frames: int = 8000) -> dict[str, float]:
     }
 
 
+def peer_environment(name: str) -> Path:
+    """Return the folder of another program's environment: in $POSEFUSE_PEERS, or beside its ``pyproject.toml``."""
+    folder = os.environ.get("POSEFUSE_PEERS")
+    return PEERS / name / ".venv" if folder is None else Path(folder) / name
+
+
 def run_peer(name: str, data: Path, *arguments: str) -> dict[str, float]:
     """Run another program in its locked environment on one core, with arguments such as ``--mode`` and ``--frames``."""
     uv = shutil.which("uv") or str(Path(sys.executable).with_name("uv"))
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "JAX_PLATFORMS": "cpu"}
+    environment["UV_PROJECT_ENVIRONMENT"] = str(peer_environment(name))
     environment.pop("VIRTUAL_ENV", None)
     project = PEERS / name
     done = subprocess.run(

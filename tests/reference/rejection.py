@@ -1,4 +1,4 @@
-"""FreeMoCap's two outlier rejection methods, one point at a time, implemented from its documentation."""
+"""FreeMoCap's outlier rejection methods, one point at a time: by its documentation, and by its program's rules."""
 
 from itertools import combinations
 
@@ -66,3 +66,70 @@ def percentile_filter(rig: CameraRig, pixels: np.ndarray, threshold_px: float, m
         if len(views) <= min_views:
             return np.full(3, np.nan)
         del views[int(np.argmax(errors))]
+
+
+def undistorted(rig: CameraRig, pixels: np.ndarray, views: list[int]) -> np.ndarray:
+    """Return the rays of pixels (view, 2) at depth 1, shape (view, 3)."""
+    rays = np.stack([lens.ray(rig.cameras[v], pixels[v], np.inf) for v in views])
+    return rays / rays[:, 2:]
+
+
+def program_point(rig: CameraRig, pixels: np.ndarray, views: list[int]) -> np.ndarray:
+    """Return the linear point of the views; lengths are in meters."""
+    return linear_point([rig.cameras[v] for v in views], undistorted(rig, pixels, views))
+
+
+def program_weighted_subsets(
+    rig: CameraRig, pixels: np.ndarray, target: float, max_drop: int, min_views: int
+) -> np.ndarray:
+    """Return the point of ``pixels`` (view, 2) by the rules of FreeMoCap 1.8.2; the target is in focal lengths."""
+
+    def mean_error(point: np.ndarray, kept: tuple[int, ...] | list[int]) -> float:
+        rays = undistorted(rig, pixels, list(kept))
+        poses = [rig.cameras[v] for v in kept]
+        local = np.array([camera.rotation @ point + camera.translation_m for camera in poses])
+        return float(np.mean(np.linalg.norm(local[:, :2] / local[:, 2:] - rays[:, :2], axis=1)))
+
+    views = [v for v in range(len(rig)) if np.isfinite(pixels[v]).all()]
+    if len(views) < min_views:
+        return np.full(3, np.nan)
+    initial = program_point(rig, pixels, views)
+    initial_error = mean_error(initial, views)
+    if initial_error < target:
+        return initial
+    points, errors = [initial], [initial_error]
+    for dropped in range(1, max_drop + 1):
+        if len(views) - dropped < min_views:
+            break
+        for kept in combinations(views, len(views) - dropped):
+            points.append(program_point(rig, pixels, list(kept)))
+            errors.append(mean_error(points[-1], kept))
+        if min(errors[1:]) < target:
+            break
+    if min(errors[1:], default=np.inf) >= initial_error:
+        return initial
+    weights = np.exp(-5.0 * np.array(errors) / target)
+    if weights.sum() <= 1e-12:
+        return points[1 + int(np.argmin(errors[1:]))]
+    return (weights[:, None] * np.array(points)).sum(axis=0) / weights.sum()
+
+
+def program_percentile_filter(rig: CameraRig, pixels: np.ndarray, percentile: float, min_left: int) -> np.ndarray:
+    """Return the points of ``pixels`` (point, view, 2) by the rules of FreeMoCap 1.7.4, NaN where it has none."""
+    seen = [[v for v in range(len(rig)) if np.isfinite(each[v]).all()] for each in pixels]
+    points = np.full((len(pixels), 3), np.nan)
+    errors = [[] for _ in pixels]
+    for i, views in enumerate(seen):
+        if len(views) > 1:
+            points[i] = program_point(rig, pixels[i], views)
+            errors[i] = errors_of(rig, pixels[i], views, points[i])
+    threshold = np.percentile([np.mean(each) for each in errors if each], percentile, method="weibull")
+    for i, views in enumerate(seen):
+        while errors[i] and max(errors[i]) > threshold:
+            if len(views) <= min_left:
+                points[i] = np.nan
+                break
+            del views[int(np.argmax(errors[i]))]
+            points[i] = program_point(rig, pixels[i], views)
+            errors[i] = errors_of(rig, pixels[i], views, points[i])
+    return points

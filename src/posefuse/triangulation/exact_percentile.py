@@ -16,12 +16,13 @@ Parts = Callable[[], Iterable[np.ndarray]]
 """Returns the numbers in parts, the same ones at each call: arrays of nonnegative floats of single precision."""
 
 
-def exact_percentile(parts: Parts, percent: float) -> float | None:
+def exact_percentile(parts: Parts, percent: float, *, weibull: bool = False) -> float | None:
     """Return a percentile of numbers, interpolated linearly between the two closest ranks, as NumPy does.
 
     Args:
         parts: called twice if there are numbers; numbers that are not finite do not count.
         percent: from 0 to 100.
+        weibull: whether ranks are those of NumPy's method ``weibull``, instead of its default.
 
     Returns:
         The percentile, or None without numbers.
@@ -33,6 +34,8 @@ def exact_percentile(parts: Parts, percent: float) -> float | None:
     if not count:
         return None
     rank = 0.01 * percent * (count - 1)
+    if weibull:
+        rank = min(max(0.01 * percent * (count + 1) - 1.0, 0.0), count - 1.0)
     ranks = [int(rank), min(int(rank) + 1, count - 1)]
     bins = np.searchsorted(np.cumsum(upper), ranks, side="right")
     lower = np.zeros((2, _N_BINS), dtype=np.int64)

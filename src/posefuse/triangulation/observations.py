@@ -1,6 +1,7 @@
 """Observations of single points, for methods that triangulate a point repeatedly from subsets of its views."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -13,6 +14,8 @@ from posefuse.kernels.triangulation.all_views import triangulate_views
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
+from posefuse.model.status import PointStatus
+from posefuse.triangulation.linear_points import linear_points, undistort, undistorted_errors_px
 
 
 @dataclass(frozen=True)
@@ -24,16 +27,25 @@ class Observations:
         noise: error model of the detections.
         pixels: shape (point, view, 2), NaN where not detected.
         confidence: shape (point, view), NaN where the detector gives none.
+        linear: whether points are those of :mod:`posefuse.triangulation.linear_points`, instead of maximum likelihood.
     """
 
     rig: CameraRig
     noise: NoiseModel
     pixels: np.ndarray
     confidence: np.ndarray
+    linear: bool = False
 
     @classmethod
     def gather(
-        cls, rig: CameraRig, detections: Detections, rows: np.ndarray, noise: NoiseModel, chosen: np.ndarray
+        cls,
+        rig: CameraRig,
+        detections: Detections,
+        rows: np.ndarray,
+        noise: NoiseModel,
+        chosen: np.ndarray,
+        *,
+        linear: bool = False,
     ) -> Self:
         """Return the observations of selected points.
 
@@ -43,6 +55,7 @@ class Observations:
             rows: shape (person_frame, view): rows of the detections, negative where there is none.
             noise: error model of the detections.
             chosen: shape (point,): ``person_frame * n_keypoints + keypoint``.
+            linear: see the attribute.
         """
         person_frame, keypoint = np.divmod(chosen, len(detections.skeleton))
         row = rows[person_frame]
@@ -50,13 +63,13 @@ class Observations:
         indices = np.where(detected, row, 0), np.broadcast_to(keypoint[:, None], row.shape)
         pixels = np.where(detected[..., None], np.asarray(detections.keypoints_px)[indices], np.nan)
         confidence = np.where(detected, np.asarray(detections.confidence)[indices], np.nan)
-        return cls(rig, noise, pixels, confidence)
+        return cls(rig, noise, pixels, confidence, linear)
 
     def __getitem__(self, chosen: np.ndarray) -> "Observations":
-        return Observations(self.rig, self.noise, self.pixels[chosen], self.confidence[chosen])
+        return replace(self, pixels=self.pixels[chosen], confidence=self.confidence[chosen])
 
     def solve(self, used: np.ndarray, min_views: int = 2) -> "SolvedPoints":
-        """Return maximum-likelihood points from the selected views.
+        """Return maximum-likelihood points from the selected views, or linear ones with their covariance and status.
 
         Args:
             used: shape (point, view), bool: views to use.
@@ -76,7 +89,40 @@ class Observations:
             min_views,
             out,
         )
-        return SolvedPoints(*(array[:, 0] for array in out))
+        solved = SolvedPoints(*(array[:, 0] for array in out))
+        return self._linearized(solved, used) if self.linear else solved
+
+    def _linearized(self, solved: "SolvedPoints", used: np.ndarray) -> "SolvedPoints":
+        """Replace maximum-likelihood points by linear ones; those behind a used view are missing."""
+        points = linear_points(self.rig, self.coordinates, used)
+        errors_px = np.where(used, self.errors_px(points), np.nan)
+        missing = (used & ~np.isfinite(errors_px)).any(axis=-1) & (solved.status < PointStatus.NOT_SEEN)
+        status = np.where(missing, PointStatus.BEHIND_CAMERA, solved.status).astype(np.int8)
+        there = status < PointStatus.NOT_SEEN
+        return replace(
+            solved,
+            points_m=np.where(there[:, None], points, np.nan),
+            covariance_m2=np.where(there[:, None], solved.covariance_m2, np.nan),
+            status=status,
+            view_error_px=np.where(there[:, None], errors_px, np.nan).astype(np.float32),
+            error_px=np.where(there, np.nansum(errors_px, axis=-1) / np.maximum(used.sum(axis=-1), 1), np.nan),
+        )
+
+    def subset(self, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return points from the selected views, shape (point, 3), and reprojection errors (point, view) in px.
+
+        The errors of linear points are those without distortion, and a linear point may be behind a camera.
+        """
+        if not self.linear:
+            solved = self.solve(used)
+            return solved.points_m, solved.view_error_px
+        points = linear_points(self.rig, self.coordinates, used)
+        return points, undistorted_errors_px(self.rig, self.coordinates, points)
+
+    @cached_property
+    def coordinates(self) -> np.ndarray:
+        """Undistorted pixels in units of the focal length, shape (point, view, 2)."""
+        return undistort(self.rig, self.pixels)
 
     def errors_px(self, points_m: np.ndarray) -> np.ndarray:
         """Return the reprojection error of every observation, shape (point, view), NaN where there is none."""

@@ -1,7 +1,7 @@
 """Triangulate with FreeMoCap's reprojection error filtering: drop the worst cameras until all errors are small.
 
-Source: FreeMoCap's documentation, "Reprojection Error Filtering" (in the program up to version 1.7). Where the program
-differs, the documentation is followed; docs/methods lists the differences.
+Source: FreeMoCap's documentation, "Reprojection Error Filtering" (in the program up to version 1.7).
+``freemocap_rules`` chooses between the rules of the documentation and those of the program.
 """
 
 from collections.abc import Iterator
@@ -47,17 +47,29 @@ def prepare(
         )
     if chosen.threshold_px is not None:
         return options, ()
+    program = options.follows_program
 
     def errors_px() -> Iterator[np.ndarray]:
         for detections, tracks in pieces():
             layer = simple.solve(rig, detections, tracks, noise, options)
-            yield np.asarray(layer.view_error_px)[np.asarray(layer.view_status) == ViewStatus.USED]
+            yield point_errors_px(layer) if program else view_errors_px(layer)
 
-    threshold = exact_percentile(errors_px, chosen.percentile)
+    threshold = exact_percentile(errors_px, chosen.percentile, weibull=program)
     if threshold is None:
         return options, ()
     note = f"percentile_filter: percentile {chosen.percentile:g} of the errors is {threshold:.2f} px."
     return replace(options, percentile_filter=replace(chosen, threshold_px=threshold)), (note,)
+
+
+def view_errors_px(layer: Layer) -> np.ndarray:
+    """Return the reprojection errors of all used views."""
+    return np.asarray(layer.view_error_px)[np.asarray(layer.view_status) == ViewStatus.USED]
+
+
+def point_errors_px(layer: Layer) -> np.ndarray:
+    """Return the mean reprojection errors of all points, whose percentile FreeMoCap's program takes."""
+    errors_px = np.asarray(layer.reprojection_error_px)
+    return errors_px[np.isfinite(errors_px)]
 
 
 def solve(
@@ -76,7 +88,8 @@ def solve(
     flat = FlatLayer.of(layer)
     used = flat.view_status == ViewStatus.USED
     exceeding = np.flatnonzero((used & (flat.view_error_px > threshold)).any(axis=-1))
-    observations = Observations.gather(rig, detections, rows_by_person_frame(tracks, detections), noise, exceeding)
+    rows, linear = rows_by_person_frame(tracks, detections), options.follows_program
+    observations = Observations.gather(rig, detections, rows, noise, exceeding, linear=linear)
     remaining, errors = used[exceeding].copy(), np.where(used[exceeding], flat.view_error_px[exceeding], np.nan)
     pending = np.arange(len(exceeding))
     while True:

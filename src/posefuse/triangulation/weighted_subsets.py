@@ -1,10 +1,11 @@
 """Triangulate by FreeMoCap's outlier rejection: a weighted mean of the points from subsets of the cameras.
 
 Source: FreeMoCap's documentation, "Reprojection Error Outlier Rejection" (in the program since version 1.8, as a check
-box). Where the program differs, the documentation is followed; docs/methods lists the differences.
+box). ``freemocap_rules`` chooses between the rules of the documentation and those of the program.
 """
 
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -17,11 +18,13 @@ from posefuse.model.reconstruction import Layer
 from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.model.tracks import Tracks
 from posefuse.triangulation import simple
+from posefuse.triangulation.linear_points import focal_lengths_px
 from posefuse.triangulation.method import Method, Pieces
 from posefuse.triangulation.observations import Observations
 from posefuse.triangulation.results import FlatLayer, mean_over, rows_by_person_frame
 
 _SHARPNESS = 5.0
+_MIN_TOTAL = 1e-12
 
 
 def prepare(
@@ -50,24 +53,29 @@ def solve(
     """
     assert options.min_views is not None
     layer = simple.solve(rig, detections, tracks, noise, options)
-    chosen = options.weighted_subsets
+    chosen, program = options.weighted_subsets, options.follows_program
     flat = FlatLayer.of(layer)
     used = flat.view_status == ViewStatus.USED
     target, units_px = chosen.target_normalized or chosen.target_px, error_units_px(rig, chosen)
-    initial = mean_over(used, flat.view_error_px / units_px)
-    with np.errstate(invalid="ignore"):
-        exceeding = np.flatnonzero((initial > target) & (used.sum(axis=-1) > options.min_views))
+    gather = partial(Observations.gather, rig, detections, rows_by_person_frame(tracks, detections), noise)
+    tested = np.flatnonzero(used.sum(axis=-1) > options.min_views)
+    all_views_px = flat.view_error_px[tested]
+    if program:
+        _, all_views_px = gather(tested, linear=True).subset(used[tested])
+    initial = mean_over(used[tested], all_views_px / units_px)
+    exceeding, initial = tested[initial > target], initial[initial > target]
     if not len(exceeding):
         return layer
-    observations = Observations.gather(rig, detections, rows_by_person_frame(tracks, detections), noise, exceeding)
-    points, weights = weighted_mean(observations, used[exceeding], units_px, options.min_views, chosen)
+    observations = gather(exceeding, linear=program)
+    first = (flat.points_m[exceeding], initial) if program else None
+    points, weights = weighted_mean(observations, used[exceeding], units_px, options.min_views, chosen, first)
     errors_px = observations.errors_px(points)
-    errors = mean_over(used[exceeding], errors_px / units_px)
-    reached = weights.best < target
-    with np.errstate(invalid="ignore"):
-        better = np.isfinite(points).all(axis=-1) & (reached | (errors < initial[exceeding]))
+    better = weights.best < (initial if program else target)
+    if not program:
+        with np.errstate(invalid="ignore"):
+            better |= mean_over(used[exceeding], errors_px / units_px) < initial
     solved = observations.solve(weights.retained)
-    better &= solved.status < PointStatus.NOT_SEEN
+    better &= np.isfinite(points).all(axis=-1) & (solved.status < PointStatus.NOT_SEEN)
     flat.replace(
         exceeding[better], points[better], solved.covariance_m2[better], solved.status[better],
         weights.retained[better], errors_px[better],
@@ -95,6 +103,7 @@ def weighted_mean(
     units_px: np.ndarray,
     min_views: int,
     options: WeightedSubsetsOptions,
+    first: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> tuple[np.ndarray, EnsembleWeights]:
     """Return the weighted mean of the points of every tested subset.
 
@@ -107,6 +116,8 @@ def weighted_mean(
         units_px: shape (view,): size of an error of 1 in px.
         min_views: minimum number of views of a subset.
         options: target error and number of cameras to drop.
+        first: points and errors of all used views, if they count as a subset, as in FreeMoCap's program. The best
+            subset then replaces a mean whose weights sum to less than 1e-12.
     """
     n, n_views = used.shape
     target = options.target_normalized or options.target_px
@@ -115,6 +126,9 @@ def weighted_mean(
     total = np.zeros(n)
     points = np.zeros((n, 3))
     shares = np.zeros((n, n_views))
+    if first is not None:
+        points, best, total, shares = first[0].copy(), first[1].copy(), np.ones(n), used.astype(float)
+    best_points, best_kept = points.copy(), used.copy()
     for n_dropped in range(1, options.max_cameras_to_drop + 1):
         level = (best >= target) & (used.sum(axis=-1) - n_dropped >= min_views)
         for dropped in combinations(range(n_views), n_dropped):
@@ -123,17 +137,22 @@ def weighted_mean(
                 continue
             kept = used[tested].copy()
             kept[:, dropped] = False
-            solved = observations[tested].solve(kept)
-            errors = mean_over(kept, solved.view_error_px / units_px)
+            found, errors_px = observations[tested].subset(kept)
+            errors = mean_over(kept, errors_px / units_px)
             there = np.isfinite(errors)
-            tested, errors, kept = tested[there], errors[there], kept[there]
+            tested, errors, kept, found = tested[there], errors[there], kept[there], found[there]
+            improved = errors < best[tested]
+            best_points[tested[improved]], best_kept[tested[improved]] = found[improved], kept[improved]
             lower = np.minimum(best[tested], errors)
             fade = np.exp(-_SHARPNESS * (best[tested] - lower) / target)
             weight = np.exp(-_SHARPNESS * (errors - lower) / target)
             best[tested] = lower
             total[tested] = total[tested] * fade + weight
-            points[tested] = points[tested] * fade[:, None] + weight[:, None] * solved.points_m[there]
+            points[tested] = points[tested] * fade[:, None] + weight[:, None] * found
             shares[tested] = shares[tested] * fade[:, None] + weight[:, None] * kept
+    if first is not None:
+        vanished = total * np.exp(-_SHARPNESS * best / target) <= _MIN_TOTAL
+        points[vanished], total[vanished], shares[vanished] = best_points[vanished], 1.0, best_kept[vanished]
     with np.errstate(invalid="ignore"):
         retained = used & (shares > 0.5 * total[:, None])
     # If three cameras or more are dropped, no view need carry half of the weight.
@@ -145,9 +164,7 @@ def weighted_mean(
 
 def error_units_px(rig: CameraRig, options: WeightedSubsetsOptions) -> np.ndarray:
     """Return the size of an error of 1 in px, shape (view,): 1, or the focal length for normalized errors."""
-    if options.target_normalized is None:
-        return np.ones(len(rig))
-    return np.array([0.5 * (camera.matrix[0, 0] + camera.matrix[1, 1]) for camera in rig.cameras])
+    return np.ones(len(rig)) if options.target_normalized is None else focal_lengths_px(rig)
 
 
 METHOD = Method("weighted_subsets", solve, default_min_views=3, options=WeightedSubsetsOptions, prepare=prepare)

@@ -17,13 +17,17 @@ NUMBERS = st.one_of(
     values=st.lists(NUMBERS, min_size=1, max_size=60),
     percent=st.one_of(st.floats(0.0, 100.0), st.sampled_from([0.0, 50.0, 90.0, 100.0])),
     size=st.integers(1, 60),
+    method=st.sampled_from(["linear", "weibull"]),
 )
 @examples(40)
-def test_equals_numpy_for_parts_of_any_size(values, percent, size):
+def test_equals_numpy_for_parts_of_any_size(values, percent, size, method):
     array = np.array(values, dtype=np.float32)
-    found = exact_percentile(lambda: (array[i : i + size] for i in range(0, len(array), size)), percent)
-    assert found == exact_percentile(lambda: [array], percent)
-    assert found == pytest.approx(float(np.percentile(array.astype(np.float64), percent)), rel=1e-12, abs=1e-300)
+    weibull = method == "weibull"
+    parts = [array[i : i + size] for i in range(0, len(array), size)]
+    found = exact_percentile(lambda: parts, percent, weibull=weibull)
+    assert found == exact_percentile(lambda: [array], percent, weibull=weibull)
+    expected = float(np.percentile(array.astype(np.float64), percent, method=method))
+    assert found == pytest.approx(expected, rel=1e-12, abs=1e-300)
 
 
 def test_numbers_that_are_not_finite_do_not_count():

@@ -36,6 +36,15 @@ def test_matches_the_naive_reference():
     np.testing.assert_allclose(layer.points_m[:, 0], expected, atol=2e-4)
 
 
+def test_rules_of_the_program_match_the_naive_reference():
+    data = walk(8, 6, "barrel", outlier_share=0.12, missing_share=0.1, seed=4)
+    layer = triangulate_walk(data, "percentile_filter", min_views=2, freemocap_rules="program")
+    pixels = np.moveaxis(data.pixels, 2, 1).reshape(-1, 6, 2)
+    expected = rejection.program_percentile_filter(data.rig, pixels, 90.0, 3)
+    assert 0.005 < np.isnan(expected[:, 0]).mean() < 0.5
+    np.testing.assert_allclose(layer.points_m[:, 0].reshape(-1, 3), expected, atol=1e-6)
+
+
 def test_threshold_is_a_percentile_over_the_whole_recording(ugly):
     result = triangulate(
         ugly.rig, ugly.detections, Options(triangulation=TriangulationOptions(method="percentile_filter"))

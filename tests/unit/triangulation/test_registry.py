@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from posefuse.model.options.triangulation import (
+    FREEMOCAP_METHODS,
     METHODS,
     TriangulationOptions,
 )
@@ -31,15 +32,25 @@ def test_methods_agree_without_outliers(method, clean):
     assert layer.has_point.mean() > (0.97 if method == "percentile_filter" else 0.999)
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_points_statuses_and_views_are_consistent(method, ugly):
-    layer = triangulate_walk(ugly, method)
+@pytest.mark.parametrize(
+    ("method", "rules"),
+    [*((method, "documentation") for method in METHODS), *((method, "program") for method in FREEMOCAP_METHODS)],
+)
+def test_points_statuses_and_views_are_consistent(method, rules, ugly):
+    layer = triangulate_walk(ugly, method, freemocap_rules=rules)
     np.testing.assert_array_equal(np.isfinite(layer.points_m).all(axis=-1), layer.has_point)
     np.testing.assert_array_equal(np.isfinite(layer.covariance_m2).all(axis=-1), layer.has_point)
     used = layer.view_status == ViewStatus.USED
     np.testing.assert_array_equal(used.any(axis=-1), layer.has_point)
     mean = np.where(used, layer.view_error_px, 0).sum(axis=-1) / np.maximum(used.sum(axis=-1), 1)
     np.testing.assert_allclose(layer.reprojection_error_px[layer.has_point], mean[layer.has_point], rtol=1e-4)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_rules_of_freemocap_change_its_methods_only(method, ugly):
+    first = ugly.first(20)
+    layers = [triangulate_walk(first, method, freemocap_rules=rules) for rules in ("documentation", "program")]
+    assert (layers[0] == layers[1]) == (method not in FREEMOCAP_METHODS)
 
 
 @pytest.mark.parametrize(

@@ -32,6 +32,23 @@ def test_matches_the_naive_reference(max_drop, min_views):
     np.testing.assert_allclose(layer.points_m[:, 0], expected, atol=2e-4)
 
 
+@pytest.mark.parametrize(("max_drop", "min_views", "target"), [(1, 3, 0.01), (2, 2, 0.01), (1, 3, 0.0005)])
+def test_rules_of_the_program_match_the_naive_reference(max_drop, min_views, target):
+    data = walk(6, 5, "barrel", outlier_share=0.15, missing_share=0.08, seed=4)
+    options = WeightedSubsetsOptions(target_normalized=target, max_cameras_to_drop=max_drop)
+    layer = triangulate_walk(
+        data, "weighted_subsets", min_views=min_views, weighted_subsets=options, freemocap_rules="program"
+    )
+    expected = [
+        [
+            rejection.program_weighted_subsets(data.rig, data.pixels[f, :, k], target, max_drop, min_views)
+            for k in range(26)
+        ]
+        for f in range(6)
+    ]
+    np.testing.assert_allclose(layer.points_m[:, 0], expected, atol=1e-6)
+
+
 def test_normalized_units():
     data = walk(40, outlier_share=0.1)
     in_px = WeightedSubsetsOptions(target_px=12.0)

@@ -1,9 +1,13 @@
 """Options of triangulation."""
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 from posefuse.errors import OptionsError
 from posefuse.model.options.bounds import check_fields, check_one_of, option
+
+FreeMoCapRules = Literal["documentation", "program"]
+FREEMOCAP_METHODS = ("simple", "weighted_subsets", "percentile_filter")
 
 METHODS: dict[str, str] = {
     "consensus": "finds the point that most views agree on, then identifies and rejects outlier views",
@@ -115,6 +119,8 @@ class TriangulationOptions:
             confidence raised to minus this value; 0 gives all detections the same noise.
         flatten_single_view: With a single camera, place the keypoints in the plane z = 0 instead of at the detector's
             depth.
+        freemocap_rules: Rules of the methods simple, weighted_subsets and percentile_filter: those of FreeMoCap's
+            documentation, with maximum-likelihood points, or those of its program, with linear points.
         consensus: Options of the method consensus.
         weighted_subsets: Options of the method weighted_subsets.
         percentile_filter: Options of the method percentile_filter.
@@ -126,6 +132,7 @@ class TriangulationOptions:
     min_confidence: float = option(0.2, at_least=0.0, common=True)
     confidence_exponent: float = option(0.0, at_least=0.0, at_most=4.0)
     flatten_single_view: bool = True
+    freemocap_rules: FreeMoCapRules = "documentation"
     consensus: ConsensusOptions = field(default_factory=ConsensusOptions)
     weighted_subsets: WeightedSubsetsOptions = field(default_factory=WeightedSubsetsOptions)
     percentile_filter: PercentileFilterOptions = field(default_factory=PercentileFilterOptions)
@@ -133,3 +140,8 @@ class TriangulationOptions:
 
     def __post_init__(self) -> None:
         check_fields(self, "triangulation")
+
+    @property
+    def follows_program(self) -> bool:
+        """Whether the method has the rules of FreeMoCap's program."""
+        return self.freemocap_rules == "program" and self.method in FREEMOCAP_METHODS
