@@ -41,6 +41,7 @@ def posed(
         layers={"model": model_layer(points)}, rate_hz=RATE_HZ,
         poses=Poses(
             segments, bones, lengths, (), turns, ways, np.empty((frames, people, 0)),
+            np.full((frames, people, 6), np.nan),
             np.full((frames, people), np.nan), np.zeros((frames, people), dtype=np.int32), shape, 0.01 * shape,
         ),
     )  # fmt: skip

@@ -102,6 +102,7 @@ def _poses(rng: np.random.Generator, present: np.ndarray) -> Poses:
         ("pelvis", "thorax", "head"), ("left_knee", "right_knee"), ("thigh", "shank"), ("elbow_bend", "knee_bend"),
         np.where(present[..., None, None, None], turns, np.nan), np.where(present[..., None, None], ways, np.nan),
         np.where(present[..., None], rng.uniform(1.0, 9.0, (frames, people, 2)), np.nan),
+        np.where(present[..., None], 0.01 * np.array([1.0, 0.0, 0.0, 2.0, 0.0, 3.0]), np.nan),
         np.where(present, rng.uniform(80.0, 120.0, (frames, people)), np.nan),
         np.where(present, 100, 0).astype(np.int32),
         rng.uniform(0.3, 0.5, (people, 2)), rng.uniform(0.01, 0.02, (people, 2)),

@@ -90,6 +90,7 @@ if TYPE_CHECKING:
     from posefuse.model.stored_points import StoredPoints as StoredPoints
     from posefuse.model.tracks import Tracks as Tracks
     from posefuse.model.tracks import TrackState as TrackState
+    from posefuse.model.up_axis import InferredUp as InferredUp
     from posefuse.pipeline.calibrate_noise import calibrate_noise as calibrate_noise
     from posefuse.pipeline.compare_methods import compare_methods as compare_methods
     from posefuse.pipeline.diagnose import inspect_health as inspect_health
@@ -180,6 +181,7 @@ _PUBLIC = {
     "model.status": ("PointStatus", "Source", "ViewStatus"),
     "model.stored_points": ("StoredPoints",),
     "model.tracks": ("Tracks", "TrackState"),
+    "model.up_axis": ("InferredUp",),
     "pipeline.calibrate_noise": ("calibrate_noise",),
     "pipeline.compare_methods": ("compare_methods",),
     "pipeline.diagnose": ("inspect_health", "measure_sync"),

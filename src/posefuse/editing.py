@@ -303,6 +303,7 @@ def _edit_poses(poses: Poses, source: np.ndarray, main_sources: np.ndarray) -> P
         turns=_select(np.asarray(poses.turns[:]), source, np.nan),
         directions=_select(np.asarray(poses.directions[:]), source, np.nan),
         angle_sd_deg=_select(np.asarray(poses.angle_sd_deg[:]), source, np.nan),
+        root_turn_rad2=_select(np.asarray(poses.root_turn_rad2[:]), source, np.nan),
         nis=_select(np.asarray(poses.nis[:]), source, np.nan),
         nis_dof=_select(np.asarray(poses.nis_dof[:]), source, 0),
         shape_m=np.asarray(poses.shape_m[:])[main_sources],

@@ -5,13 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from posefuse.kinematics.angle_sds import with_root_angle_sds
 from posefuse.model.alignment import Alignment
-from posefuse.model.cameras import Camera, CameraRig, UpAxis
+from posefuse.model.cameras import Camera, CameraRig
 from posefuse.model.options.alignment import AlignOptions
-from posefuse.model.reconstruction import Layer, Reconstruction, unpack_covariance
+from posefuse.model.reconstruction import Layer, Reconstruction, pack_covariance, unpack_covariance
 from posefuse.model.track_events import Poses
-
-_PACKED = ((0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2))
 
 
 def align(part: Reconstruction, alignment: Alignment) -> Reconstruction:
@@ -21,11 +20,12 @@ def align(part: Reconstruction, alignment: Alignment) -> Reconstruction:
         part: in the calibration's world.
         alignment: aligned world from calibration's world.
     """
+    rig = aligned_rig(part.rig, alignment)
     return replace(
         part,
-        rig=aligned_rig(part.rig, alignment),
+        rig=rig,
         layers={name: _layer(layer, alignment) for name, layer in part.layers.items()},
-        poses=None if part.poses is None else _poses(part.poses, alignment),
+        poses=None if part.poses is None else _poses(part.poses, alignment, rig.up),
         alignment=alignment,
     )
 
@@ -41,9 +41,12 @@ def align_parts(parts: Iterable[Reconstruction], alignment: Alignment) -> Iterat
     return (replace(align(part, alignment_without_scale), alignment=alignment) for part in parts)
 
 
-def identity_alignment(up_axis: UpAxis | None) -> Alignment:
+def identity_alignment(rig: CameraRig) -> Alignment:
     """Return the alignment that keeps the calibration's world."""
-    return Alignment(np.eye(3), np.zeros(3), up_axis=up_axis, calibration_up_axis=up_axis)
+    return Alignment(
+        np.eye(3), np.zeros(3), up_axis=rig.up_axis, calibration_up_axis=rig.up_axis,
+        inferred_up=rig.inferred_up, calibration_inferred_up=rig.inferred_up,
+    )  # fmt: skip
 
 
 def combine_with_scale(alignment_without_scale: Alignment, scale: float, options: AlignOptions) -> Alignment:
@@ -60,12 +63,12 @@ def combine_with_scale(alignment_without_scale: Alignment, scale: float, options
 
 def scaled_rig(rig: CameraRig, scale: float) -> CameraRig:
     """Return the cameras in a scaled world."""
-    return aligned_rig(rig, replace(identity_alignment(rig.up_axis), scale=scale))
+    return aligned_rig(rig, replace(identity_alignment(rig), scale=scale))
 
 
 def scaled_layer(layer: Layer, scale: float) -> Layer:
     """Return the points in a scaled world."""
-    return _layer(layer, replace(identity_alignment(None), scale=scale))
+    return _layer(layer, Alignment(np.eye(3), np.zeros(3), scale))
 
 
 def in_calibration_world(part: Reconstruction) -> Reconstruction:
@@ -84,9 +87,8 @@ def in_world_of(result: Reconstruction, other: Reconstruction) -> Reconstruction
 def aligned_rig(rig: CameraRig, alignment: Alignment) -> CameraRig:
     """Return the cameras in the aligned world, where they see the same pixels."""
     cameras = tuple(_camera(camera, alignment) for camera in rig.cameras)
-    return replace(
-        rig, cameras=cameras, up_axis=alignment.up_axis, meters_per_unit=rig.meters_per_unit * alignment.scale
-    )
+    scaled = replace(rig, cameras=cameras, meters_per_unit=rig.meters_per_unit * alignment.scale)
+    return scaled.with_up(alignment.up_axis, alignment.inferred_up)
 
 
 def _camera(camera: Camera, alignment: Alignment) -> Camera:
@@ -103,15 +105,17 @@ def _layer(layer: Layer, alignment: Alignment) -> Layer:
     return replace(
         layer,
         points_m=alignment.points(np.asarray(layer.points_m[:])),
-        covariance_m2=turned[..., _PACKED[0], _PACKED[1]],
+        covariance_m2=pack_covariance(turned),
     )
 
 
-def _poses(poses: Poses, alignment: Alignment) -> Poses:
-    return replace(
+def _poses(poses: Poses, alignment: Alignment, up: tuple[float, float, float] | None) -> Poses:
+    turned = replace(
         poses,
         turns=alignment.rotation @ np.asarray(poses.turns[:]),
         directions=np.asarray(poses.directions[:]) @ alignment.rotation.T,
         shape_m=alignment.scale * np.asarray(poses.shape_m[:]),
         shape_sd_m=alignment.scale * np.asarray(poses.shape_sd_m[:]),
     )
+    # The angles of the root are relative to the world, so their standard deviations depend on it.
+    return with_root_angle_sds(turned, up)

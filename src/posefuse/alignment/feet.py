@@ -29,7 +29,7 @@ _MIN_SPREAD_M = 0.15
 
 _LOW_QUANTILE = 0.25
 _JACKKNIFE_GROUPS = 10
-_UP_SD = np.radians(2.0)
+CALIBRATED_UP_SD_DEG = 2.0
 """Standard deviation of a calibration's up direction: a board on the floor, or a wand, is leveled to about this
 angle.
 """
@@ -50,7 +50,7 @@ class Plane:
         spread_m: extent of the foot points across their longest direction; infinite if the plane was given.
         misfit_m: median distance of these points from the plane.
         tilt_sd_deg: standard deviation of the tilt from the feet alone, in the least certain direction; 0 if given.
-        uses_up: whether the calibration's up direction contributes to the tilt.
+        uses_up: whether the known up direction contributes to the tilt.
     """
 
     normal: np.ndarray
@@ -61,15 +61,22 @@ class Plane:
     uses_up: bool = False
 
 
-def floor_from_feet(points_m: Sequence[np.ndarray], skeleton: Skeleton, up: np.ndarray | None, seed: int = 0) -> Plane:
+def floor_from_feet(
+    points_m: Sequence[np.ndarray],
+    skeleton: Skeleton,
+    up: np.ndarray | None,
+    seed: int = 0,
+    up_sd_deg: float = CALIBRATED_UP_SD_DEG,
+) -> Plane:
     """Estimate the plane on which feet stand still: the plane with the most points nearby, refined by least squares.
 
     Args:
         points_m: ranges of consecutive frames, each of shape (frame, person, keypoint, 3).
         skeleton: with keypoints of feet.
-        up: shape (3,), if known to about 2 degrees: combined with the feet by their uncertainties unless they
-            contradict each other; if feet stand in one place or on one line, it replaces the plane's normal.
+        up: shape (3,), if known: combined with the feet by their uncertainties unless they contradict each other; if
+            feet stand in one place or on one line, it replaces the plane's normal.
         seed: random seed.
+        up_sd_deg: standard deviation of its tilt.
 
     Raises:
         DetectionsError: if the skeleton has no feet, too few frames show them, or they stand on one line and up is
@@ -99,7 +106,7 @@ def floor_from_feet(points_m: Sequence[np.ndarray], skeleton: Skeleton, up: np.n
     if (body - plane.point_m) @ plane.normal <= 0:
         plane = replace(plane, normal=-plane.normal)
     if not plane.uses_up:
-        plane = _combine_with_up(plane, _normal_covariance(still, plane.normal, seed), up)
+        plane = _combine_with_up(plane, _normal_covariance(still, plane.normal, seed), up, np.radians(up_sd_deg))
     return replace(plane, point_m=plane.point_m - height_m * plane.normal)
 
 
@@ -129,8 +136,8 @@ def _normal_covariance(points: np.ndarray, normal: np.ndarray, seed: int) -> np.
     return (_JACKKNIFE_GROUPS - 1) / _JACKKNIFE_GROUPS * off.T @ off
 
 
-def _combine_with_up(plane: Plane, covariance: np.ndarray, up: np.ndarray | None) -> Plane:
-    """Combine the plane with the calibration's up direction, weighted by their uncertainties.
+def _combine_with_up(plane: Plane, covariance: np.ndarray, up: np.ndarray | None, up_sd: float) -> Plane:
+    """Combine the plane with the known up direction, weighted by their uncertainties.
 
     If they contradict each other, only the plane is used.
     """
@@ -139,10 +146,10 @@ def _combine_with_up(plane: Plane, covariance: np.ndarray, up: np.ndarray | None
         return replace(plane, tilt_sd_deg=tilt_sd_deg)
     horizontal = np.linalg.svd(up[None])[2][1:]
     off, own = horizontal @ plane.normal, horizontal @ covariance @ horizontal.T
-    both = own + _UP_SD**2 * np.eye(2)
+    both = own + up_sd**2 * np.eye(2)
     if plane.normal @ up <= 0 or off @ np.linalg.solve(both, off) > _CONTRADICTION_CHI2:
         return replace(plane, tilt_sd_deg=tilt_sd_deg)
-    tilt = _UP_SD**2 * np.linalg.solve(both, off) @ horizontal
+    tilt = up_sd**2 * np.linalg.solve(both, off) @ horizontal
     normal = up * np.sqrt(1.0 - tilt @ tilt) + tilt
     return replace(plane, normal=normal, tilt_sd_deg=tilt_sd_deg, uses_up=True)
 

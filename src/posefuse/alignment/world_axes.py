@@ -4,11 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from posefuse.alignment.feet import Plane, floor_from_feet
+from posefuse.alignment.feet import CALIBRATED_UP_SD_DEG, Plane, floor_from_feet
 from posefuse.errors import DetectionsError, OptionsError
 from posefuse.model.alignment import Alignment
-from posefuse.model.cameras import CameraRig, UpAxis, up_vector
+from posefuse.model.cameras import CameraRig
 from posefuse.model.options.alignment import PRESETS, AlignOptions
+from posefuse.model.up_axis import InferredUp, UpAxis, up_vector
 from posefuse.skeleton.skeletons import Skeleton
 
 _MIN_AREA = 1e-3
@@ -27,7 +28,7 @@ def find_alignment(
     Args:
         points_m: ranges of consecutive frames in the rig's world, each of shape (frame, person, keypoint, 3).
         skeleton: of the keypoints.
-        rig: the cameras; their up axis is used if no floor is requested.
+        rig: the cameras; their up direction is used if no floor is requested.
         options: requested alignment.
 
     Raises:
@@ -35,8 +36,7 @@ def find_alignment(
         OptionsError: if three points are collinear, a direction is vertical, or there is neither a floor nor an up
             axis.
     """
-    up = None if rig.up_axis is None else np.array(up_vector(rig.up_axis))
-    plane, floor_note = _floor(points_m, skeleton, up, options)
+    plane, floor_note = _floor(points_m, skeleton, rig, options)
     forward, forward_note = _forward(points_m, skeleton, plane.normal, options)
     origin, origin_note = _origin(points_m, plane, options)
     up_axis, forward_axis = PRESETS[options.preset]
@@ -44,36 +44,56 @@ def find_alignment(
     steps = [floor_note, origin_note, forward_note, f"Up is {up_axis}, forward {forward_axis}."]
     if options.preset == "unreal":
         steps.append(_UNREAL)
-    return Alignment(rotation, -rotation @ origin, 1.0, up_axis, rig.up_axis, tuple(steps))
+    inferred = None
+    if rig.inferred_up is not None and plane.uses_up:
+        inferred = InferredUp(up_vector(up_axis), min(plane.tilt_sd_deg or np.inf, rig.inferred_up.sd_deg))
+    return Alignment(
+        rotation, -rotation @ origin, 1.0, up_axis, rig.up_axis, tuple(steps),
+        inferred_up=inferred, calibration_inferred_up=rig.inferred_up,
+    )  # fmt: skip
 
 
 def _floor(
-    points_m: Sequence[np.ndarray], skeleton: Skeleton, up: np.ndarray | None, options: AlignOptions
+    points_m: Sequence[np.ndarray], skeleton: Skeleton, rig: CameraRig, options: AlignOptions
 ) -> tuple[Plane, str]:
     """Return the floor and its description."""
+    up = _known_up(rig)
     if options.floor_points_m:
         return _floor_of_points(points_m, np.array(options.floor_points_m, dtype=np.float64).reshape(3, 3))
     if options.floor == "feet":
-        plane = floor_from_feet(points_m, skeleton, up)
+        up_sd_deg = CALIBRATED_UP_SD_DEG if rig.inferred_up is None else rig.inferred_up.sd_deg
+        plane = floor_from_feet(points_m, skeleton, up, up_sd_deg=up_sd_deg)
         misfit_mm = 1000 * plane.misfit_m
         return (
             plane,
-            f"The floor is the plane where feet stand still, within {misfit_mm:.0f} mm{_tilt_note(plane, up)}.",
+            f"The floor is the plane where feet stand still, within {misfit_mm:.0f} mm{_tilt_note(plane, rig)}.",
         )
     if up is None:
         raise OptionsError(
             "align: the calibration does not define the up axis. Set it with `up`, or estimate the floor with "
             "align.floor = 'feet' or align.floor_points_m."
         )
-    return Plane(up, np.zeros(3)), "The floor is that of the calibration."
+    if rig.inferred_up is not None:
+        text = "The floor is perpendicular to the up direction inferred from people, through the calibration's origin."
+        return Plane(up, np.zeros(3), uses_up=True), text
+    return Plane(up, np.zeros(3), uses_up=True), "The floor is that of the calibration."
 
 
-def _tilt_note(plane: Plane, up: np.ndarray | None) -> str:
-    """Describe the tilt of the floor and its agreement with the calibration, as a clause."""
+def _known_up(rig: CameraRig) -> np.ndarray | None:
+    """Return the up direction that the calibration states or people show, shape (3,); None if unknown."""
+    if rig.inferred_up is not None:
+        return np.array(rig.inferred_up.level_direction)
+    return None if rig.up is None else np.array(rig.up)
+
+
+def _tilt_note(plane: Plane, rig: CameraRig) -> str:
+    """Describe the tilt of the floor and its agreement with the up direction, as a clause."""
     known = f"; its tilt has a standard deviation of {plane.tilt_sd_deg:.1f} degrees" if plane.tilt_sd_deg > 0.0 else ""
+    up = _known_up(rig)
     if up is None:
         return known
-    off = f"{np.degrees(np.arccos(np.clip(plane.normal @ up, -1, 1))):.1f} degrees from the calibration's up axis"
+    source = "the calibration's up axis" if rig.inferred_up is None else "the up direction inferred from people"
+    off = f"{np.degrees(np.arccos(np.clip(plane.normal @ up, -1, 1))):.1f} degrees from {source}"
     counts = ", which is combined with the feet" if plane.uses_up else ", which contradicts the feet and is not used"
     return f"{known}; {off}{counts}"
 

@@ -8,7 +8,6 @@ from posefuse.biomechanics.center_of_mass import centers_of_mass
 from posefuse.biomechanics.segment_lengths import segment_lengths
 from posefuse.kinematics.joint_angles import joint_angles, skeleton_angles
 from posefuse.kinematics.pose_from_points import pose_of_points
-from posefuse.model.cameras import up_vector
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.skeleton.masses import mass_table
@@ -23,8 +22,7 @@ CENTERS_FILE, LENGTHS_FILE = "com.csv", "lengths.csv"
 def angle_table(part: Reconstruction) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
     """Return joint angles of the articulated model, or, without one, of the solved layer, with the same names.
 
-    The angles of the root relative to the world are missing if the up axis is unknown; their standard deviations are
-    missing if the world was realigned.
+    The angles of the root relative to the world are missing if the up axis is unknown.
 
     Args:
         part: range of frames.
@@ -34,7 +32,7 @@ def angle_table(part: Reconstruction) -> tuple[tuple[str, ...], np.ndarray, np.n
         angles, there are no names.
     """
     skeleton, tree = part.skeleton, part.skeleton.tree
-    up = up_vector(part.rig.up_axis or "z")
+    up = part.rig.up or (0.0, 0.0, 1.0)
     names: tuple[str, ...] = ()
     degrees = np.empty((part.n_frames, len(part.person_ids), 0))
     if tree is None or part.unit != "m":
@@ -46,13 +44,11 @@ def angle_table(part: Reconstruction) -> tuple[tuple[str, ...], np.ndarray, np.n
     elif "solved" in part.layers and poses is None:
         names, degrees = joint_angles(tree, *pose_of_points(tree, np.asarray(part.layers["solved"].points_m[:])), up)
     root = _of_root(tree, names)
-    if part.rig.up_axis is None:
+    if part.rig.up is None:
         degrees[..., root] = np.nan
     sds = np.full_like(degrees, np.nan)
     if poses is not None and names and poses.angles == names:
         sds = np.where(np.isfinite(degrees), np.asarray(poses.angle_sd_deg[:]), np.nan)
-        if part.alignment is not None:
-            sds[..., root] = np.nan
     return names, degrees, sds
 
 

@@ -188,5 +188,5 @@ def _convert_calibration(source: Path, output: Path, form: CalibrationFormat, op
     for text in rig.notes:
         note(f"note: {text}")
     write_as(form, rig, output)
-    say(f"{count(len(rig), 'camera')}, up axis {rig.up_axis or 'unknown'}")
+    say(f"{count(len(rig), 'camera')}, up axis {rig.up_text}")
     say(f"Wrote {output} ({form.name})")

@@ -110,7 +110,7 @@ def _calibration(item: RecognizedInput, options: Options) -> CameraRig | None:
     except PosefuseError as error:
         note(f"  cannot be read: {error}")
         return None
-    say(f"  {len(rig)} cameras; up axis {rig.up_axis or 'unknown'}, lengths x {rig.meters_per_unit:g} to meters")
+    say(f"  {len(rig)} cameras; up axis {rig.up_text}, lengths x {rig.meters_per_unit:g} to meters")
     for remark in rig.notes:
         note(f"  note: {remark}")
     rows = []

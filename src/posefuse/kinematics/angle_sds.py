@@ -5,14 +5,17 @@ angle depends jointly are varied at the same time (Curtis, Powell and Reid 1974)
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from posefuse.arrays import ranges
-from posefuse.kinematics.joint_angles import axes_at, joint_angles, relative_angles
+from posefuse.kinematics.joint_angles import axes_at, joint_angles, relative_angles, root_angles
 from posefuse.kinematics.twist import full_rotations
+from posefuse.model.reconstruction import unpack_covariance
+from posefuse.model.track_events import Poses
 from posefuse.skeleton.trees import Tree
 
 _CHUNK = 512
@@ -100,6 +103,43 @@ def relative_angle_sds(
     variance = np.einsum("fai,fij,faj->fa", np.radians(by_own), own_deg2, by_own * np.pi / 180.0)
     variance += np.einsum("fai,fij,faj->fa", by_turn, turn_covariance, by_turn)
     return np.minimum(np.sqrt(variance), _UNKNOWN_DEG)
+
+
+def root_angle_sds(
+    turn: np.ndarray, turn_covariance: np.ndarray, up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+) -> np.ndarray:
+    """Return the standard deviations of heading, tilt and list of a root segment.
+
+    Args:
+        turn: shape (..., 3, 3): world from segment.
+        turn_covariance: shape (..., 3, 3): covariance of a small turn about the segment's axes, rad^2.
+        up: Up direction of the world.
+
+    Returns:
+        shape (..., 3), in degrees, at most that of a uniform distribution.
+    """
+    here = root_angles(turn, up)
+    steps = Rotation.from_rotvec(_STEP * np.eye(3)).as_matrix()
+    slopes = np.stack([_change(root_angles(turn @ step, up), here) for step in steps], axis=-1)
+    variance = np.einsum("...ai,...ij,...aj->...a", slopes, turn_covariance, slopes)
+    return np.minimum(np.sqrt(np.maximum(variance, 0.0)), _UNKNOWN_DEG)
+
+
+def with_root_angle_sds(poses: Poses, up: tuple[float, float, float] | None) -> Poses:
+    """Return poses with the standard deviations of the root's angles in a world with this up direction.
+
+    Args:
+        poses: Poses in that world; those without angles of a root remain as they are.
+        up: Up direction of the world; None if unknown, then these standard deviations are NaN.
+    """
+    if not poses.segments or poses.angles[:1] != (f"{poses.segments[0]}.heading",):
+        return poses
+    sds = np.array(poses.angle_sd_deg[:])
+    sds[..., :3] = np.nan
+    if up is not None:
+        covariance = unpack_covariance(poses.root_turn_rad2[:])
+        sds[..., :3] = root_angle_sds(np.asarray(poses.turns[:])[:, :, 0], covariance, up)
+    return replace(poses, angle_sd_deg=sds)
 
 
 def _variances(derivative: np.ndarray, covariance: np.ndarray) -> np.ndarray:

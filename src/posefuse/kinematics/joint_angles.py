@@ -136,6 +136,16 @@ def _in_carrier(own: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarr
     )
 
 
+def root_angles(turn: np.ndarray, up: tuple[float, float, float]) -> np.ndarray:
+    """Return heading, tilt and list of a root segment, shape (..., 3), in degrees.
+
+    Args:
+        turn: shape (..., 3, 3): world from segment.
+        up: Up direction of the world.
+    """
+    return np.degrees(np.stack(_successive(_world(up).T @ turn), axis=-1))
+
+
 def relative_angles(own: np.ndarray, turn: np.ndarray) -> np.ndarray:
     """Return bend, lean and turn of a segment relative to its carrier, shape (..., 3), in degrees.
 

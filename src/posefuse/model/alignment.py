@@ -6,7 +6,7 @@ import numpy as np
 
 from posefuse.arrays import PickledByFields, frozen, same
 from posefuse.errors import ResultError
-from posefuse.model.cameras import UpAxis
+from posefuse.model.up_axis import InferredUp, UpAxis
 
 _ROTATION_TOLERANCE = 1e-6
 
@@ -22,6 +22,8 @@ class Alignment(PickledByFields):
         up_axis: up axis of the aligned world, None if unknown.
         calibration_up_axis: up axis of the calibration's world, None if unknown.
         steps: how it was determined, in sentences.
+        inferred_up: up direction of the aligned world, if it was inferred from people, else None.
+        calibration_inferred_up: up direction of the calibration's world, if it was inferred from people, else None.
 
     Raises:
         ResultError: if it is not a similarity transform, or a reflection.
@@ -33,6 +35,8 @@ class Alignment(PickledByFields):
     up_axis: UpAxis | None = None
     calibration_up_axis: UpAxis | None = None
     steps: tuple[str, ...] = ()
+    inferred_up: InferredUp | None = None
+    calibration_inferred_up: InferredUp | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "rotation", frozen(self.rotation))
@@ -61,7 +65,10 @@ class Alignment(PickledByFields):
         """The transform back to the calibration's world."""
         back = self.rotation.T
         shift_m = -back @ self.shift_m / self.scale
-        return Alignment(back, shift_m, 1.0 / self.scale, self.calibration_up_axis, self.up_axis)
+        return Alignment(
+            back, shift_m, 1.0 / self.scale, self.calibration_up_axis, self.up_axis,
+            inferred_up=self.calibration_inferred_up, calibration_inferred_up=self.inferred_up,
+        )  # fmt: skip
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Alignment) and all(

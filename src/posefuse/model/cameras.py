@@ -8,23 +8,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from functools import cached_property
-from typing import Any, Literal, Self, get_args
+from typing import Any, Self
 
 import numpy as np
 
 from posefuse.arrays import PickledByFields, frozen, same
 from posefuse.errors import CameraError, MatchError, choices, suggestion
 from posefuse.kernels.records import CameraArrays
-
-UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]
-UP_AXES: tuple[UpAxis, ...] = get_args(UpAxis)
-
-
-def up_vector(axis: UpAxis) -> tuple[float, float, float]:
-    """Return the unit vector along an axis, in world coordinates."""
-    sign = -1.0 if axis.startswith("-") else 1.0
-    return tuple(sign * (axis[-1] == name) for name in "xyz")  # type: ignore[return-value]
-
+from posefuse.model.up_axis import UP_AXES, InferredUp, UpAxis, up_vector
 
 _ROTATION_TOLERANCE = 1e-5
 
@@ -207,6 +198,8 @@ class CameraRig(PickledByFields):
     Attributes:
         cameras: cameras in a fixed order, with unique names.
         up_axis: up axis of the world, or None if unknown (an Anipose world is a camera or a board).
+        inferred_up: up direction that was inferred from people, or None if it was not; then ``up_axis`` is the axis
+            nearest to it, or None if it is between axes.
         source: name of the calibration file, without folder.
         meters_per_unit: factor from the file's unit to meters.
         notes: notes of the reader.
@@ -224,6 +217,7 @@ class CameraRig(PickledByFields):
     notes: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     calibrated: bool = True
+    inferred_up: InferredUp | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cameras", tuple(self.cameras))
@@ -238,6 +232,22 @@ class CameraRig(PickledByFields):
             )
         if self.up_axis is not None and self.up_axis not in UP_AXES:
             raise CameraError(f"up_axis {self.up_axis!r} is not an axis. Choose one of: {choices(UP_AXES)}.")
+        if self.inferred_up is not None and self.up_axis != self.inferred_up.axis:
+            raise CameraError(f"up_axis {self.up_axis!r} is not the axis of inferred_up, {self.inferred_up.axis!r}.")
+
+    def with_up(self, up_axis: UpAxis | None, inferred_up: InferredUp | None = None) -> "CameraRig":
+        """Return the rig with another up axis, or with one that was inferred."""
+        return replace(self, up_axis=up_axis if inferred_up is None else inferred_up.axis, inferred_up=inferred_up)
+
+    @property
+    def up(self) -> tuple[float, float, float] | None:
+        """Unit vector along the up axis; None if unknown."""
+        return None if self.up_axis is None else up_vector(self.up_axis)
+
+    @property
+    def up_text(self) -> str:
+        """The up axis in words, such as ``z``, ``-y (inferred)`` or ``unknown``."""
+        return f"{self.up_axis or 'unknown'}{'' if self.inferred_up is None else ' (inferred)'}"
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -311,6 +311,11 @@ def unpack_covariance(entries: np.ndarray) -> np.ndarray:
     return np.asarray(entries)[..., [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
 
 
+def pack_covariance(matrices: np.ndarray) -> np.ndarray:
+    """Return the entries xx xy xz yy yz zz, shape (..., 6), of covariance matrices, shape (..., 3, 3)."""
+    return np.asarray(matrices)[..., [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
+
+
 _Record = TypeVar("_Record", Layer, Tracks, Swaps)
 
 

@@ -82,6 +82,8 @@ class Poses:
         turns: shape (frame, person, segment, 3, 3): world from segment; NaN where a person is not tracked.
         directions: shape (frame, person, bone, 3): unit vectors; NaN where a person is not tracked.
         angle_sd_deg: shape (frame, person, angle): standard deviations of joint angles, NaN where an angle is unknown.
+        root_turn_rad2: shape (frame, person, 6): covariance of a small turn of the root segment about its own axes, as
+            xx xy xz yy yz zz, independent of the world; NaN where a person is not tracked or has no root segment.
         nis: shape (frame, person): normalized innovation squared, summed over the keypoints that the filter used; NaN
             where it used none.
         nis_dof: shape (frame, person), int32: expected value of ``nis`` for consistent covariances.
@@ -99,6 +101,7 @@ class Poses:
     turns: np.ndarray
     directions: np.ndarray
     angle_sd_deg: np.ndarray
+    root_turn_rad2: np.ndarray
     nis: np.ndarray
     nis_dof: np.ndarray
     shape_m: np.ndarray
@@ -117,6 +120,7 @@ class Poses:
         check_shape(
             ResultError, "Poses", "directions", self.directions, frame=n_frames, person=people, bone=bones, xyz=3
         )
+        check_shape(ResultError, "Poses", "root_turn_rad2", self.root_turn_rad2, frame=n_frames, person=people, entry=6)
         for name in ("nis", "nis_dof"):
             check_shape(ResultError, "Poses", name, getattr(self, name), frame=n_frames, person=people)
         for name in ("shape_m", "shape_sd_m"):
@@ -145,5 +149,5 @@ class Poses:
     __hash__ = None  # type: ignore[assignment]
 
 
-OVER_TIME = ("turns", "directions", "angle_sd_deg", "nis", "nis_dof")
+OVER_TIME = ("turns", "directions", "angle_sd_deg", "root_turn_rad2", "nis", "nis_dof")
 """Names of the arrays of :class:`Poses` that have one entry per frame."""

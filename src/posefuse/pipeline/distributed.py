@@ -21,6 +21,7 @@ from posefuse.arrays import ranges
 from posefuse.association.one_subject import SingleSubject
 from posefuse.checkpoint import Checkpoint
 from posefuse.io.checkpoints import CheckpointFolder
+from posefuse.kinematics.angle_sds import with_root_angle_sds
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.options.options import Options
@@ -250,7 +251,10 @@ def _with_people_bodies(plan: Plan, part: Reconstruction, start: int) -> Reconst
     """Return a measured range with the bodies of tracked people."""
     subjects = plan.subjects
     if isinstance(subjects, StitchedPeople) and plan.options.bodies != "none":
-        return subjects.with_bodies(part, start)
+        part = subjects.with_bodies(part, start)
+        assert part.poses is not None
+        # The people were tracked before the up direction was inferred.
+        part = replace(part, poses=with_root_angle_sds(part.poses, part.rig.up))
     return part
 
 

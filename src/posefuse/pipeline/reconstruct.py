@@ -10,6 +10,7 @@ from platform import python_version
 import numpy as np
 
 from posefuse.alignment.apply import combine_with_scale, identity_alignment, scaled_layer, scaled_rig
+from posefuse.alignment.infer_up import describe_up, infer_up
 from posefuse.alignment.size import scale_factor
 from posefuse.alignment.world_axes import find_alignment
 from posefuse.arrays import ranges
@@ -113,7 +114,7 @@ def prepare(
         scale = scale_factor(sample_points(plan), plan.detections.skeleton, align)
         again = checkpoint.child(f"resized_{plan.detections.n_frames}")
         plan = resize(plan, scale, progress, partial(find, checkpoint=again))
-    return with_solver(with_alignment(with_findings(plan), scale))
+    return with_solver(with_alignment(with_up(with_findings(plan)), scale))
 
 
 def examine(
@@ -280,6 +281,20 @@ def with_findings(plan: Plan) -> Plan:
     return replace(plan, provenance=plan.provenance.with_notes(notes))
 
 
+def with_up(plan: Plan) -> Plan:
+    """Return the plan with the up direction inferred from people, where the calibration and the options state none.
+
+    A note says so, or that the up axis is unknown.
+    """
+    if plan.rig.up is not None or len(plan.rig) == 1:
+        return plan
+    if plan.sample_m is None:
+        plan = with_sample(plan)
+    up, reason = infer_up(sample_points(plan), plan.detections.skeleton, plan.rig, plan.detections.rate_hz)
+    rig = plan.rig.with_up(None, up)
+    return replace(plan, rig=rig, provenance=plan.provenance.with_notes((describe_up(up, reason),)))
+
+
 def with_alignment(plan: Plan, scale: float | None) -> Plan:
     """Return the plan with the alignment that the options ask for, and notes on how it was determined.
 
@@ -299,7 +314,7 @@ def with_alignment(plan: Plan, scale: float | None) -> Plan:
             "align: with one camera, coordinates are in its image plane and cannot be aligned. Remove the align "
             "options."
         )
-    alignment = identity_alignment(plan.rig.up_axis)
+    alignment = identity_alignment(plan.rig)
     if align.turns:
         alignment = find_alignment(sample_points(plan), plan.detections.skeleton, plan.rig, align)
     if scale is not None:

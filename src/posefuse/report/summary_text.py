@@ -74,7 +74,13 @@ def _describe_accuracy(accuracy: Accuracy | PeopleScores | None) -> list[str]:
 
 def _describe_world(result: Reconstruction) -> list[str]:
     sentences = []
-    if result.rig.up_axis is None and result.unit == "m":
+    up = result.rig.inferred_up
+    if up is not None:
+        sentences.append(
+            f"The up axis of the world is {result.rig.up_text}: people stand {up.angle_deg:.0f} degrees from "
+            f"{up.nearest_axis}. Set it with `up`, or level the world with `align.floor='feet'`."
+        )
+    elif result.rig.up_axis is None and result.unit == "m":
         sentences.append("The up axis of the world is unknown, so exports are not rotated. Set it with `up`.")
     if result.unit != "m":
         sentences.append("One camera: coordinates are pixels in its image plane, not positions in the world.")

@@ -83,7 +83,7 @@ def write(rig: CameraRig, path: Path) -> None:
         data[f"cam_{i}"] = table_from_camera(camera, camera.distortion or [0.0] * 5)
         if camera.lens is LensModel.FISHEYE:
             data[f"cam_{i}"]["fisheye"] = True
-    data["metadata"] = {"unit": "m"} | ({"up_axis": rig.up_axis} if rig.up_axis else {})
+    data["metadata"] = {"unit": "m"} | ({"up_axis": rig.up_axis} if rig.up_axis and rig.inferred_up is None else {})
     data["metadata"] |= metadata_texts(rig)
     with replacing(path) as temporary:
         temporary.write_text(tomli_w.dumps(data), "utf-8")

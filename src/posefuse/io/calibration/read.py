@@ -1,6 +1,5 @@
 """Read calibrations of any supported format."""
 
-from dataclasses import replace
 from pathlib import Path
 
 from posefuse.errors import FileError, choices
@@ -50,4 +49,4 @@ def read_cameras(path: str | Path, *, length_unit: LengthUnit | None = None, up:
         known = choices(f"{form.name} ({form.files})" for form in CALIBRATIONS)
         raise FileError(f"{path} is not a calibration in a supported format. Supported: {known}.")
     rig = form.read(path, length_unit)
-    return rig if up is None else replace(rig, up_axis=up)
+    return rig if up is None else rig.with_up(up)

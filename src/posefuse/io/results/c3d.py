@@ -94,6 +94,8 @@ def _header(result: Reconstruction, layer: LayerName, rate: float, n_rows: int) 
     _add_list(content, "VIEWS", list(result.rig.names))
     _add_list(content, _MEAN_VIEWS, [0.0] * len(names))
     _add_screen(content, result.rig.up_axis)
+    if result.rig.inferred_up is not None:
+        content.add_parameter("POSEFUSE", "UP_AXIS_SOURCE", ["inferred"])
     if n_rows > _FRAMES_OF_HEADER:
         _add_actual_fields(content, n_rows)
     return content

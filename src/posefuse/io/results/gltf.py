@@ -148,6 +148,8 @@ def _document(content: _Content, result: Reconstruction, clip: Clip, times: np.n
     ]
     primitives = [_primitive(content, sticks[side], i) for i, side in enumerate(_COLORS) if side in sticks]
     extras = {"person": figure.person, "layer": "model", "skeleton": result.skeleton.name}
+    if result.rig.inferred_up is not None:
+        extras["world_up"] = result.rig.up_text
     return {
         "asset": {"version": "2.0", "generator": "posefuse", "extras": extras},
         "scene": 0,

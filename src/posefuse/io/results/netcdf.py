@@ -35,8 +35,7 @@ from posefuse.io.netcdf import (
 from posefuse.io.options import options_to_toml, stored_options
 from posefuse.io.results.finding_records import findings_from_json, findings_to_json
 from posefuse.io.results.format import ResultFormat
-from posefuse.model.alignment import Alignment
-from posefuse.model.cameras import Camera, CameraRig, LensModel
+from posefuse.io.results.netcdf_world import alignment_from_json, alignment_to_json, read_rig, write_rig
 from posefuse.model.label_swaps import Swaps, SwapState
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.options import LayerName
@@ -105,14 +104,14 @@ def _read(path: Path) -> Reconstruction:
         person_ids = strings(file.variables["individual"])
         chains = strings(file.variables["chain"]) if "chain" in stored else ()
         head: dict[str, Any] = {
-            "rig": _read_rig(file),
+            "rig": read_rig(file),
             "skeleton": skeleton_from_text(text_of(file, "skeleton")),
             "person_ids": person_ids,
             "frame_numbers": np.asarray(file.variables["frame_number"][...]),
             "time_s": np.asarray(file.variables["time"][...]),
             "rate_hz": number_of(file, "rate_hz") if "rate_hz" in file.attrs else None,
             "unit": text_of(file, "unit"),
-            "alignment": _read_alignment(file),
+            "alignment": alignment_from_json(text_of(file, "alignment")) if "alignment" in file.attrs else None,
             "options": stored_options(json.loads(text_of(file, "options")), path.name),
             "provenance": _read_provenance(text_of(file, "provenance")),
             "findings": findings_from_json(text_of(file, "findings")) if "findings" in file.attrs else (),
@@ -180,7 +179,7 @@ def _write_head(file: h5netcdf.File, first: Reconstruction) -> None:
         _create_pose_variables(file, first.poses)
     if first.noise is not None:
         _write_noise(file, first.noise)
-    _write_rig(file, first.rig)
+    write_rig(file, first.rig)
 
 
 def _write_attributes(file: h5netcdf.File, first: Reconstruction) -> None:
@@ -196,7 +195,7 @@ def _write_attributes(file: h5netcdf.File, first: Reconstruction) -> None:
     if first.rate_hz is not None:
         file.attrs["rate_hz"] = float(first.rate_hz)
     if first.alignment is not None:
-        file.attrs["alignment"] = _alignment_text(first.alignment)
+        file.attrs["alignment"] = alignment_to_json(first.alignment)
 
 
 def _write_noise(file: h5netcdf.File, noise: NoiseModel) -> None:
@@ -205,29 +204,6 @@ def _write_noise(file: h5netcdf.File, noise: NoiseModel) -> None:
     file.attrs["noise_spread"] = float(noise.spread)
     file.attrs["noise_nu"] = float(noise.nu)
     add_variable(file, "noise_scale", ("view",), noise.scale_px, units="px")
-
-
-def _alignment_text(alignment: Alignment) -> str:
-    return json.dumps(
-        {
-            "aligned_from_calibration": alignment.rotation.tolist(),
-            "shift_m": alignment.shift_m.tolist(),
-            "scale": alignment.scale,
-            "up_axis": alignment.up_axis,
-            "calibration_up_axis": alignment.calibration_up_axis,
-            "steps": alignment.steps,
-        }
-    )
-
-
-def _read_alignment(file: h5netcdf.File) -> Alignment | None:
-    if "alignment" not in file.attrs:
-        return None
-    data = json.loads(text_of(file, "alignment"))
-    return Alignment(
-        np.array(data["aligned_from_calibration"]), np.array(data["shift_m"]), data["scale"], data["up_axis"],
-        data["calibration_up_axis"], tuple(data["steps"]),
-    )  # fmt: skip
 
 
 def _attributes(name: str, unit: str, codes: type[IntEnum] | None) -> dict[str, Any]:
@@ -258,6 +234,7 @@ def _append(file: h5netcdf.File, part: Reconstruction, start: int) -> None:
         file.variables["pose_turn"][start:stop] = part.poses.turns[:]
         file.variables["pose_direction"][start:stop] = part.poses.directions[:]
         file.variables["pose_angle_sd"][start:stop] = part.poses.angle_sd_deg[:]
+        file.variables["pose_root_turn"][start:stop] = part.poses.root_turn_rad2[:]
         file.variables["pose_nis"][start:stop] = part.poses.nis[:]
         file.variables["pose_nis_dof"][start:stop] = part.poses.nis_dof[:]
 
@@ -271,6 +248,7 @@ def _create_pose_variables(file: h5netcdf.File, poses: Poses) -> None:
     add_variable(file, "pose_turn", ("time", "individual", "pose_segment", "row", "column"), dtype="f8", units="1")
     add_variable(file, "pose_direction", ("time", "individual", "pose_bone", "space"), dtype="f8", units="1")
     add_variable(file, "pose_angle_sd", ("time", "individual", "pose_angle"), dtype="f8", units="degree")
+    add_variable(file, "pose_root_turn", ("time", "individual", "covariance_entry"), dtype="f8", units="radian2")
     add_variable(file, "pose_nis", ("time", "individual"), dtype="f8", units="1")
     add_variable(file, "pose_nis_dof", ("time", "individual"), dtype="i4", units="1")
     for name, values in (("pose_shape", poses.shape_m), ("pose_shape_sd", poses.shape_sd_m)):
@@ -285,13 +263,16 @@ def _read_poses(file: h5netcdf.File, path: Path) -> Poses | None:
     turns, directions = stored_array(path, "pose_turn"), stored_array(path, "pose_direction")
     angles: tuple[str, ...] = ()
     sds = np.empty((*turns.shape[:2], 0))
+    root = np.full((*turns.shape[:2], 6), np.nan)
     nis = np.full(turns.shape[:2], np.nan)
     dof = np.zeros(turns.shape[:2], dtype=np.int32)
     if "pose_angle_sd" in file.variables:
         angles, sds = strings(file.variables["pose_angle"]), stored_array(path, "pose_angle_sd")
+    if "pose_root_turn" in file.variables:
+        root = stored_array(path, "pose_root_turn")
     if "pose_nis" in file.variables:
         nis, dof = stored_array(path, "pose_nis"), stored_array(path, "pose_nis_dof")
-    return Poses(segments, bones, lengths, angles, turns, directions, sds, nis, dof, shape_m, shape_sd_m)
+    return Poses(segments, bones, lengths, angles, turns, directions, sds, root, nis, dof, shape_m, shape_sd_m)
 
 
 def _write_events(file: h5netcdf.File, events: tuple[Event, ...]) -> None:
@@ -313,62 +294,6 @@ def _read_events(file: h5netcdf.File) -> tuple[Event, ...]:
     return tuple(
         Event(*values)  # type: ignore[arg-type]
         for values in zip(numbers, times, people, kinds, reasons, strict=True)
-    )
-
-
-def _write_rig(file: h5netcdf.File, rig: CameraRig) -> None:
-    if rig.up_axis is not None:
-        file.attrs["up_axis"] = rig.up_axis
-    file.attrs["rig_source"] = rig.source
-    file.attrs["rig_meters_per_unit"] = float(rig.meters_per_unit)
-    file.attrs["rig_notes"] = json.dumps(rig.notes)
-    if not rig.calibrated:
-        file.attrs["rig_calibrated"] = 0
-    coefficients = np.full((len(rig), 8), np.nan)
-    for i, camera in enumerate(rig.cameras):
-        coefficients[i, : len(camera.distortion)] = camera.distortion
-    add_variable(file, "view", ("view",), np.array(rig.names))
-    add_variable(file, "camera_size", ("view", "image_axis"), np.array([c.size_px for c in rig.cameras]), units="px")
-    add_variable(
-        file, "camera_matrix", ("view", "row", "column"), np.stack([c.matrix for c in rig.cameras]), units="px"
-    )
-    add_variable(
-        file,
-        "camera_from_world",
-        ("view", "pose_row", "pose_column"),
-        np.stack([c.camera_from_world for c in rig.cameras]),
-        units="m",
-    )
-    add_variable(file, "camera_lens", ("view",), np.array([str(c.lens) for c in rig.cameras]))
-    add_variable(file, "camera_distortion", ("view", "coefficient"), coefficients)
-
-
-def _read_rig(file: h5netcdf.File) -> CameraRig:
-    def values(name: str) -> np.ndarray:
-        return np.asarray(file.variables[name][...])
-
-    lenses = [LensModel(lens) for lens in strings(file.variables["camera_lens"])]
-    cameras = tuple(
-        Camera(name, (int(size[0]), int(size[1])), matrix, pose, lens, tuple(k[np.isfinite(k)]))
-        for name, size, matrix, pose, lens, k in zip(
-            strings(file.variables["view"]),
-            values("camera_size"),
-            values("camera_matrix"),
-            values("camera_from_world"),
-            lenses,
-            values("camera_distortion"),
-            strict=True,
-        )
-    )
-    up = file.attrs.get("up_axis")
-    return CameraRig(
-        cameras,
-        None if up is None else str(up),  # type: ignore[arg-type]
-        text_of(file, "rig_source"),
-        # Files of earlier versions have the British spelling.
-        number_of(file, "rig_metres_per_unit" if "rig_metres_per_unit" in file.attrs else "rig_meters_per_unit"),
-        tuple(json.loads(text_of(file, "rig_notes"))),
-        calibrated="rig_calibrated" not in file.attrs,
     )
 
 

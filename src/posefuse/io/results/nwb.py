@@ -224,7 +224,7 @@ def _person(
 
 
 def _reference(result: Reconstruction) -> str:
-    up = "the up axis is unknown" if result.rig.up_axis is None else f"{result.rig.up_axis} is up"
+    up = "the up axis is unknown" if result.rig.up_axis is None else f"{result.rig.up_text} is up"
     aligned = ", aligned by posefuse" if result.alignment is not None else ""
     return f"(0, 0, 0) is the origin of the calibration{aligned}; right-handed, {up}"
 

@@ -59,6 +59,7 @@ def _metadata(result: Reconstruction, layer: LayerName) -> dict[str, str]:
         "unit": result.unit,
         "rate_hz": result.rate_hz,
         "up_axis": result.rig.up_axis,
+        "inferred_up": result.rig.inferred_up and asdict(result.rig.inferred_up),
         "people": list(result.person_ids),
         "keypoints": list(result.skeleton.keypoints),
         "cameras": cameras,

@@ -59,7 +59,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
         start = float(result.time_s[0])
     names = [re.sub(r"[\x00-\x1f\x7f-\x9f]", " ", name) for name in result.skeleton.keypoints]
     header = [
-        f"PathFileType\t4\t(X/Y/Z)\t{path.name} layer={layer}{_filled_text(result, person, layer)}",
+        f"PathFileType\t4\t(X/Y/Z)\t{path.name} layer={layer}{_filled_text(result, person, layer)}{_up_text(result)}",
         "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
         f"{rate:.10g}\t{rate:.10g}\t{n_rows}\t{len(names)}\t{result.unit}\t{rate:.10g}\t1\t{n_rows}",
         "Frame#\tTime\t" + "\t\t\t".join(names) + "\t\t",
@@ -98,6 +98,12 @@ def _filled_text(result: Reconstruction, person: str, layer: LayerName) -> str:
     spans = ranges(result.n_frames, CHUNK_FRAMES)
     number = sum(int((np.asarray(source[start:stop])[:, index] == Source.FILLED).sum()) for start, stop in spans)
     return f" filled={number}" if number else ""
+
+
+def _up_text(result: Reconstruction) -> str:
+    """Return a text that marks an inferred up axis; empty if it was not inferred."""
+    inferred = result.rig.inferred_up is not None and result.rig.up_axis is not None
+    return f" world_up={result.rig.up_axis}(inferred)" if inferred else ""
 
 
 def read(path: Path) -> TrcContent:

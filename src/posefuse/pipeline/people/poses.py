@@ -41,6 +41,7 @@ class BodyArrays:
         turns: shape (frame, person, segment, 3, 3).
         directions: shape (frame, person, bone, 3).
         angle_sd_deg: shape (frame, person, angle).
+        root_turn_rad2: shape (frame, person, 6): covariance of a small turn of the root about its own axes.
         holds_deg2: shape (frame, person, part, 3, 3): covariance of the axes to which parts are attached, in deg^2.
     """
 
@@ -50,6 +51,7 @@ class BodyArrays:
     turns: np.ndarray
     directions: np.ndarray
     angle_sd_deg: np.ndarray
+    root_turn_rad2: np.ndarray
     holds_deg2: np.ndarray
 
     @classmethod
@@ -64,6 +66,7 @@ class BodyArrays:
             np.full((*shape, len(segments), 3, 3), np.nan),
             np.full((*shape, len(bones), 3), np.nan),
             np.full((*shape, len(skeleton_angle_names(skeleton))), np.nan),
+            np.full((*shape, 6), np.nan),
             np.full((*shape, len(skeleton.parts), 3, 3), np.nan),
         )
 

@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from posefuse.kinematics.angle_sds import relative_angle_sds
+from posefuse.kinematics.angle_sds import relative_angle_sds, with_root_angle_sds
 from posefuse.kinematics.joint_angles import angle_names, axes_at, skeleton_angle_names
 from posefuse.kinematics.twist import full_rotations
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
-from posefuse.model.reconstruction import Layer
+from posefuse.model.reconstruction import Layer, pack_covariance
 from posefuse.model.track_events import Event, Poses
 from posefuse.model.tracks import Tracks, TrackState
 from posefuse.pipeline.people.model_layer import model_layer
@@ -117,6 +117,8 @@ class TrackedPeople:
             body = person.body
             states = DerivedStates(body.directions[seen], body.angle_sd_deg[seen])
             out.add(person, (f, p), seen, everywhere, Offsets(0, 0, 0), states)
+            if self.history.settings.tree.segments:
+                out.root_turn_rad2[f, p] = pack_covariance(body.root_turn[seen])
             out.holds_deg2[f, p] = body.holds_deg2[seen]
         tree = self.history.settings.tree
         first = Offsets(len(tree.segments), len(tree.bones), len(angle_names(tree)))
@@ -132,10 +134,11 @@ class TrackedPeople:
         layer = model_layer(rig, detections, rows, out.points_m, out.covariance_m2, out.used, self._absent(start, stop))
         names = self.skeleton.body_names
         angles = skeleton_angle_names(self.skeleton)
-        return layer, Poses(
-            *names, angles, out.turns, out.directions, out.angle_sd_deg, self.nis[start:stop],
+        poses = Poses(
+            *names, angles, out.turns, out.directions, out.angle_sd_deg, out.root_turn_rad2, self.nis[start:stop],
             self.nis_dof[start:stop], self.shape_m, self.shape_sd_m,
         )  # fmt: skip
+        return layer, with_root_angle_sds(poses, rig.up)
 
     def _part_states(
         self, i: int, person: SmoothedPerson, cells: tuple[np.ndarray, np.ndarray], seen: np.ndarray, out: BodyArrays

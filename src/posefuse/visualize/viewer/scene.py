@@ -3,6 +3,7 @@
 Entities::
 
     world                                      the up axis
+    world/inferred_up                          the up direction, if it was inferred from people
     world/cameras/<camera>                     pose and pinhole
     world/cameras/<camera>/video               the video, if given
     world/cameras/<camera>/detected/<label>    2D keypoints, if given: used, swapped, rejected, not_used, unassigned
@@ -118,6 +119,9 @@ def _log_world(recording: Any, result: Reconstruction) -> None:
     up = result.rig.up_axis
     if up is not None:
         recording.log("world", axes[up[-1]][up.startswith("-")], static=True)
+    if result.rig.inferred_up is not None:
+        arrow = rr.Arrows3D(vectors=[result.rig.inferred_up.direction], labels=[f"up: {result.rig.up_text}"])
+        recording.log("world/inferred_up", arrow, static=True)
     names = list(enumerate(result.skeleton.keypoints))
     people = [((p, person, person_color(p)), names) for p, person in enumerate(result.person_ids)]
     classes = [rr.ClassDescription(info=info, keypoint_annotations=keypoints) for info, keypoints in people]
