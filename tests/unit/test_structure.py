@@ -42,6 +42,7 @@ TESTED_ELSEWHERE = {
         "io/hdf5.py",
         "io/parquet_files.py",
     ),
+    "unit/alignment/test_apply.py": ("model/alignment.py",),
     "unit/association/test_groups.py": ("association/group_points.py",),
     "unit/association/test_proposals.py": ("model/proposals.py",),
     "unit/calibration/test_refine.py": (
