@@ -1,6 +1,6 @@
 """``posefuse convert``: convert 2D keypoints, calibrations and results between formats."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -15,6 +15,7 @@ from posefuse.io.keypoints.registry import KEYPOINTS
 from posefuse.model.cameras import UpAxis
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import LayerName, LengthUnit, Options, ThirdChannel
+from posefuse.model.options.subject import Sex
 from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 
 
@@ -43,6 +44,32 @@ class _Interpretation:
         return Options(**{**values, "image_size": self.image_size or ()})
 
 
+@dataclass(frozen=True)
+class SessionFlags:
+    """Flags of the session and the subject in NWB files; by default those of the result."""
+
+    session_start: Annotated[
+        str | None, Parameter(help="Date and time of the result's time 0 with time zone, in NWB files.")
+    ] = None
+    id: Annotated[str | None, Parameter(name="--subject.id", help="Identifier of the subject in NWB files.")] = None
+    species: Annotated[
+        str | None, Parameter(name="--subject.species", help="Species in NWB files, such as Mus musculus.")
+    ] = None
+    sex: Annotated[Sex | None, Parameter(name="--subject.sex", help="Sex in NWB files: F, M, U or O.")] = None
+    age: Annotated[
+        str | None, Parameter(name="--subject.age", help="Age in NWB files as an ISO 8601 duration, such as P25Y.")
+    ] = None
+    date_of_birth: Annotated[
+        str | None, Parameter(name="--subject.date-of-birth", help="Date of birth in NWB files, such as 1998-04-12.")
+    ] = None
+
+    def applied_to(self, options: Options) -> Options:
+        """Return the options of a result with the given flags."""
+        given = {field.name: value for field in fields(self) if (value := getattr(self, field.name)) is not None}
+        start = given.pop("session_start", options.session_start)
+        return replace(options, session_start=start, subject=replace(options.subject, **given))
+
+
 def convert(
     path: Annotated[Path, Parameter(help="File to convert, or a folder that contains it.")],
     output: Annotated[
@@ -55,6 +82,7 @@ def convert(
     ] = None,
     onto: Annotated[str | None, Parameter(help="Skeleton to convert the keypoints to, such as body_20.")] = None,
     interpretation: Annotated[_Interpretation, Parameter(name="*", group="Input")] = _Interpretation(),
+    session: Annotated[SessionFlags, Parameter(name="*", group="Session")] = SessionFlags(),
 ) -> None:
     """Convert 2D keypoints, a calibration or a stored result to another format.
 
@@ -66,7 +94,7 @@ def convert(
     if _is_result(path):
         from posefuse.cli.convert_result import convert_result
 
-        convert_result(path, to, output, options.layer)
+        convert_result(path, to, output, options.layer, session.applied_to)
         return
     written = (*KEYPOINTS.written(), *CALIBRATIONS.written())
     names = list(dict.fromkeys(form.name for form in written))

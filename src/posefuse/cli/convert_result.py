@@ -1,13 +1,20 @@
 """``posefuse convert`` for a stored result."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 from posefuse.cli.console import note, wrote
-from posefuse.model.options.options import LayerName
+from posefuse.model.options.options import LayerName, Options
 
 
-def convert_result(path: Path, to: str | None, output: Path, layer: LayerName | None = None) -> None:
+def convert_result(
+    path: Path,
+    to: str | None,
+    output: Path,
+    layer: LayerName | None = None,
+    change: Callable[[Options], Options] = lambda options: options,
+) -> None:
     """Write a stored result in another format and print what the format cannot hold.
 
     Args:
@@ -16,6 +23,7 @@ def convert_result(path: Path, to: str | None, output: Path, layer: LayerName | 
         output: Output file, or folder for formats of many files. Formats of one person write one file per person,
             ``<stem>_<person><suffix>``, if there are several people.
         layer: Layer to write; by default the best one available.
+        change: Returns the options of the result with changes, such as of the session.
 
     Raises:
         FileError: if the result does not exist, or the output cannot be written.
@@ -28,7 +36,7 @@ def convert_result(path: Path, to: str | None, output: Path, layer: LayerName | 
     source, result = open_result(path)
     if output.resolve() == source.resolve():
         raise ResultError(f"--output {output} is the result itself. Choose another output.")
-    result = replace(result, options=replace(result.options, layer=layer or result.options.layer))
+    result = replace(result, options=replace(change(result.options), layer=layer or result.options.layer))
     done = write(result, output, to)
     wrote([file.name for file in done.files], output.parent)
     for remark in done.notes:

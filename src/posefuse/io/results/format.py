@@ -86,6 +86,7 @@ class ResultFormat(Format):
         lacks: Fields of a layer that the format cannot hold. Empty if it holds all of them.
         complete_endings: Endings of files for which ``lacks`` does not apply.
         require: Raise a ResultError if the format cannot hold a result with these facts; None if it can hold any.
+        remarks: Return notes on what a file states about a result by default; None without any.
         additional_name: Name of the file or folder that ``--also`` writes into the folder of a result. Empty if
             ``--also`` does not offer the format.
     """
@@ -104,6 +105,7 @@ class ResultFormat(Format):
     lacks: str = ""
     complete_endings: tuple[str, ...] = ()
     require: Callable[[ResultFacts], None] | None = None
+    remarks: Callable[[Reconstruction], tuple[str, ...]] | None = None
     additional_name: str = ""
 
     @property

@@ -7,9 +7,9 @@ Each person has a ``MultiCameraPoseEstimation`` (``PoseEstimation`` with ndx-pos
 series, because 2D keypoints are not part of a result. Fields for which ndx-pose has no place are separate
 ``TimeSeries``: ``frame_number``, ``<person>_covariance`` (frame, keypoint, 6), and so on.
 
-NWB requires the start time of the session, which is unknown: the file states 1970, and its description says that this
-is a placeholder. To set another start time, create the file with pynwb. Identifiers are derived from the content, so
-the same result gives the same bytes.
+NWB requires the start time of the session: that of the options, or 1970, which the description calls a placeholder (see
+:mod:`posefuse.io.results.nwb_session`). The date on which the file was created is always 1970, and identifiers are
+derived from the content, so the same result gives the same bytes.
 """
 
 import hashlib
@@ -19,7 +19,6 @@ import re
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from datetime import UTC, datetime
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -31,6 +30,7 @@ import numpy as np
 from posefuse.errors import FileError, ResultError
 from posefuse.io.files import must_exist, replacing
 from posefuse.io.hdf5 import open_hdf5
+from posefuse.io.results import nwb_session
 from posefuse.io.results.format import ResultFacts, ResultFormat
 from posefuse.io.results.names import safe_names
 from posefuse.model.cameras import Camera
@@ -41,7 +41,6 @@ from posefuse.model.stored_points import StoredPoints, stored_points
 
 _NAMESPACE = UUID("8d1b0c0e-3a5f-5d53-9a3c-6f1d1d7a9c11")
 _UUID = re.compile(rb"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}")
-_UNKNOWN_START = datetime(1970, 1, 1, tzinfo=UTC)
 _UNITS = {"m": "meters", "px": "pixels"}
 _ADDITIONAL = {
     "covariance": ("covariance_m2", "m2", "xx, xy, xz, yy, yz, zz of each keypoint"),
@@ -104,17 +103,24 @@ def require(facts: ResultFacts) -> None:
 
 
 def _file(pynwb: Any, ndx_pose: Any, result: Reconstruction, points: StoredPoints) -> Any:
+    start, subject = nwb_session.start_time(result.options), nwb_session.subject_fields(result.options)
+    unknown = "; the session start is unknown, 1970 is a placeholder" if start == nwb_session.UNKNOWN_START else ""
     content = pynwb.NWBFile(
-        session_description=f"posefuse, layer {points.layer}; the session start is unknown, 1970 is a placeholder",
+        session_description=f"3D poses by posefuse, layer {points.layer}{unknown}",
         identifier=_identifier(result, points),
-        session_start_time=_UNKNOWN_START,
-        timestamps_reference_time=_UNKNOWN_START,
-        file_create_date=[_UNKNOWN_START],
+        session_start_time=start,
+        timestamps_reference_time=start,
+        file_create_date=[nwb_session.UNKNOWN_START],
         notes=json.dumps(_description(result, points)),
+        keywords=["motion capture", "pose estimation"],
+        subject=pynwb.file.Subject(**subject) if subject else None,
     )
     module = content.create_processing_module(_MODULE, "3D poses")
     names = safe_names(result.rig.names)
-    cameras = [_camera(ndx_pose, camera, name) for camera, name in zip(result.rig.cameras, names, strict=True)]
+    cameras = [
+        _camera(ndx_pose, camera, name, calibrated=result.rig.calibrated)
+        for camera, name in zip(result.rig.cameras, names, strict=True)
+    ]
     for camera in cameras:
         content.add_device(camera)
     edges = result.skeleton.edge_indices
@@ -160,16 +166,18 @@ def _description(result: Reconstruction, points: StoredPoints) -> dict[str, Any]
 
 def _identifier(result: Reconstruction, points: StoredPoints) -> str:
     """Return a hash of the content."""
-    digest = hashlib.sha256(json.dumps(_description(result, points), default=str).encode())
+    session = [nwb_session.start_time(result.options), nwb_session.subject_fields(result.options)]
+    digest = hashlib.sha256(json.dumps([_description(result, points), session], default=str).encode())
     for values in (points.frame_numbers, points.time_s, points.points_m, points.covariance_m2):
         digest.update(np.ascontiguousarray(values).tobytes())
     return digest.hexdigest()
 
 
-def _camera(ndx_pose: Any, camera: Camera, name: str) -> Any:
+def _camera(ndx_pose: Any, camera: Camera, name: str, *, calibrated: bool) -> Any:
     size = f"{camera.size_px[0]} x {camera.size_px[1]} px"
     description = f"{camera.name}: {camera.lens} lens, OpenCV coefficients, {size}; meters, world to camera"
-    if not hasattr(ndx_pose, "CalibratedCamera"):
+    if not calibrated or not hasattr(ndx_pose, "CalibratedCamera"):
+        description = description if calibrated else f"{camera.name}: without calibration"
         from pynwb.device import Device
 
         return Device(name=name, description=description)
@@ -217,7 +225,12 @@ def _person(
         return ndx_pose.PoseEstimation(**arguments)
     names = safe_names([*points.keypoints, *(f"view_{camera.name}" for camera in cameras)])[len(points.keypoints) :]
     views = [
-        ndx_pose.PoseEstimation(name=name, device=camera, skeleton=skeleton)
+        ndx_pose.PoseEstimation(
+            name=name,
+            device=camera,
+            skeleton=skeleton,
+            description="camera of the recording; its 2D keypoints are not stored",
+        )
         for name, camera in zip(names, cameras, strict=True)
     ]
     return ndx_pose.MultiCameraPoseEstimation(**arguments, pose_estimations=views)
@@ -326,6 +339,7 @@ FORMAT = ResultFormat(
         "meters, world axes, seconds; one MultiCameraPoseEstimation per person; session start 1970 means unknown"
     ),
     require=require,
+    remarks=nwb_session.remarks,
     additional_name="points.nwb",
     endings=(".nwb",),
     matches=matches,

@@ -78,7 +78,7 @@ def write(
         form.write_layer(bare, path, layer)
     others = _others(result, layer)
     omissions = (f"{form.name}: the layer {layer}; without {choices(others)}.",) if others else ()
-    return WrittenResult(files, layer, (*omissions, *_lacks(form, path)))
+    return WrittenResult(files, layer, (*omissions, *_lacks(form, result, path)))
 
 
 def _others(result: Reconstruction, layer: LayerName) -> list[str]:
@@ -143,10 +143,11 @@ def person_paths(path: Path, person_ids: Sequence[str]) -> tuple[Path, ...]:
     return tuple(path.with_name(f"{path.stem}_{name}{path.suffix}") for name in safe_names(person_ids))
 
 
-def _lacks(form: ResultFormat, path: Path) -> tuple[str, ...]:
+def _lacks(form: ResultFormat, result: Reconstruction, path: Path) -> tuple[str, ...]:
     """Return which fields of a layer a file cannot contain."""
     whole = not form.lacks or path.suffix.lower() in form.complete_endings
-    return () if whole else (f"{form.name} cannot hold {form.lacks}.",)
+    remarks = () if form.remarks is None else form.remarks(result)
+    return remarks if whole else (f"{form.name} cannot hold {form.lacks}.", *remarks)
 
 
 def additional_names() -> dict[str, str]:
@@ -189,7 +190,7 @@ def write_also(result: Reconstruction, folder: Path, also: Sequence[str]) -> tup
             notes.append(f"{name} was not written: {error}")
             continue
         files += [file.name for file in written.files]
-        notes += written.notes if form.write_result is not None else _lacks(form, path)
+        notes += written.notes if form.write_result is not None else _lacks(form, result, path)
     return files, tuple(notes)
 
 

@@ -18,7 +18,7 @@ from posefuse.model.options.named_numbers import named_numbers
 from posefuse.model.options.noise import NoiseOptions
 from posefuse.model.options.pairs import PairMethod, PairOptions
 from posefuse.model.options.postprocess import PostprocessOptions
-from posefuse.model.options.subject import SubjectOptions
+from posefuse.model.options.subject import SubjectOptions, as_time
 from posefuse.model.options.sync import SyncOptions
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.options.trajectory import TrajectoryOptions
@@ -78,6 +78,8 @@ class Options:
             subject, two or more cameras, ten seconds or more, and the method "consensus".
         trajectory: Options of the trajectory solve.
         postprocess: Options of postprocessing.
+        session_start: Date and time of the recording's time 0 with time zone, such as 2024-05-03T14:30:00+02:00, in
+            NWB files.
         subject: Properties of the subject.
         align: Coordinate system and scale of the result.
         chunk_frames: Number of frames that are processed at once; longer recordings store every finished chunk, so that
@@ -116,6 +118,7 @@ class Options:
     solve: Solve = option("auto", common=True)
     trajectory: TrajectoryOptions = field(default_factory=TrajectoryOptions)
     postprocess: PostprocessOptions = field(default_factory=PostprocessOptions)
+    session_start: str | None = option(None, example='"2024-05-03T14:30:00+02:00"')
     subject: SubjectOptions = field(default_factory=SubjectOptions)
     align: AlignOptions = field(default_factory=AlignOptions)
     chunk_frames: int = option(2048, at_least=1)
@@ -128,6 +131,13 @@ class Options:
             if not (name and 0.0 < rate_hz < math.inf):
                 raise OptionsError(
                     f"view_rates_hz must contain view=rate entries with rates above 0 Hz, got {name}={rate_hz}."
+                )
+        if self.session_start is not None:
+            start = as_time(self.session_start, "session_start", "2024-05-03T14:30:00+02:00")
+            born = self.subject.date_of_birth
+            if born is not None and as_time(born, "subject.date_of_birth", "1998-04-12") > start:
+                raise OptionsError(
+                    f"subject.date_of_birth ({born}) must be before session_start ({start.isoformat()})."
                 )
         both = sorted(set(self.cameras) & set(self.exclude_camera))
         if both:
