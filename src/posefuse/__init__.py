@@ -95,6 +95,7 @@ if TYPE_CHECKING:
     from posefuse.pipeline.compare_methods import compare_methods as compare_methods
     from posefuse.pipeline.diagnose import inspect_health as inspect_health
     from posefuse.pipeline.diagnose import measure_sync as measure_sync
+    from posefuse.pipeline.evaluate_files import evaluate_files as evaluate_files
     from posefuse.pipeline.reconstruct import reconstruct as reconstruct
     from posefuse.pipeline.reconstruct import triangulate as triangulate
     from posefuse.pipeline.reconstruct_recording import Outcome as Outcome
@@ -185,6 +186,7 @@ _PUBLIC = {
     "pipeline.calibrate_noise": ("calibrate_noise",),
     "pipeline.compare_methods": ("compare_methods",),
     "pipeline.diagnose": ("inspect_health", "measure_sync"),
+    "pipeline.evaluate_files": ("evaluate_files",),
     "pipeline.reconstruct": ("reconstruct", "triangulate"),
     "pipeline.reconstruct_recording": ("Outcome", "reconstruct_recording"),
     "pipeline.refine_calibration": ("refine_calibration",),

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import posefuse
+from posefuse.synthetic.options import SceneOptions
+from posefuse.synthetic.scenes import simulate
 from tests.unit.evaluation.test_people import drifting_people, result_of
 
 
@@ -68,4 +70,18 @@ def test_evaluate_accepts_one_file_per_person(ending, run, files):
     assert "anna" in output
     code, _, output = run("evaluate", files, files / f"anna.{ending}", files / "truth.nc")
     assert code == 1
-    assert "one TRC or C3D file per person" in output
+    assert "one file per person" in output
+
+
+def test_report_and_evaluate_accept_the_same_truth(run, tmp_path):
+    scene = simulate(SceneOptions(duration_s=1.0, cameras=4, seed=3))
+    result = posefuse.triangulate(scene.rig, scene.detections)
+    (tmp_path / "out").mkdir()
+    posefuse.write(result, tmp_path / "out" / "reconstruction.nc")
+    truth = posefuse.write(scene.truth, tmp_path / "truth.parquet").files[0]
+    assert run("evaluate", tmp_path / "out", truth)[0] == 0
+    median = json.loads((tmp_path / "out" / "evaluation.json").read_text())["median_mm"]
+    assert run("report", tmp_path / "out", "--truth", truth)[0] == 0
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert f"median error {median:.1f} mm" in page
+    assert '"truth": null' not in page.replace('"truth":null', '"truth": null')

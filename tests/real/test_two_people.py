@@ -7,10 +7,10 @@ import pytest
 from benchmarks import panoptic
 
 import posefuse
-from posefuse.cli.evaluate import truth_finder
 from posefuse.evaluation.accuracy import bone_variation
-from posefuse.evaluation.paired_results import people_points, with_truths
+from posefuse.evaluation.paired_results import PeoplePoints, people_points
 from posefuse.evaluation.people import PeopleScores, score_people
+from posefuse.io.results.comparable import pair_with_truth
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import Source
 from posefuse.model.tracks import TrackState
@@ -38,7 +38,9 @@ def score(shared_data, result: Reconstruction, layer) -> PeopleScores:
     folder = shared_data("pose2sim") / "two_people" / "pose-3d"
     files = [folder / f"S00_P01_T02_Participants1-2_{who}_0-100.trc" for who in ("P1", "P2")]
     result = replace(result, options=replace(result.options, layer=layer))
-    return score_people(with_truths(result, [truth_finder(file)(result) for file in files], ["P1", "P2"]))
+    paired = pair_with_truth(result, files)
+    assert isinstance(paired, PeoplePoints)
+    return score_people(replace(paired, truth_ids=("P1", "P2")))
 
 
 def test_two_people_and_a_passer_by_are_tracked(follow, shared_data):

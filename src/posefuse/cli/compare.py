@@ -26,9 +26,7 @@ def compare(
         tuple[str, ...], Parameter(help="Comma-separated names that `posefuse methods` lists; by default all.")
     ] = (),
     inputs: Inputs = InputFlags(),  # noqa: B008
-    truth: Annotated[
-        Path | None, Parameter(help="File of known positions: a truth.nc, another reconstruction.nc, or a TRC file.")
-    ] = None,
+    truth: Annotated[Path | None, Parameter(help="Ground truth, as in posefuse evaluate.")] = None,
     timing: Annotated[
         bool, Parameter(help="Measure CPU time, the only number that differs from run to run.", negative="--no-timing")
     ] = True,
@@ -40,14 +38,16 @@ def compare(
     """
     chosen = chosen_methods(methods)
 
-    from posefuse.cli.evaluate import known_of
     from posefuse.io.files import must_exist, replacing_folder
     from posefuse.io.open_recording import open_recording
+    from posefuse.io.results.comparable import pair_with_truth
     from posefuse.io.results.comparison import write
     from posefuse.pipeline.compare_methods import compare_methods
     from posefuse.report.comparison import comparison_figure
 
-    truth_of = None if truth is None else known_of(must_exist(truth, "truth"))
+    if truth is not None:
+        must_exist(truth, "truth")
+    truth_of = None if truth is None else lambda result: pair_with_truth(result, [truth])
     progress = Bars()
     opened = open_recording(recording, inputs.paths(), options, progress)
     with replacing_folder(output, marker=TABLE, owned=(TABLE, PNG, SVG)) as staging:

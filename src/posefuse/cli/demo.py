@@ -32,5 +32,5 @@ def demo(
     say("Reconstructing")
     describe_result(reconstruct_recording(recording, result, progress=Bars()).open())
     evaluate(result, (recording / TRUTH,))
-    report(result, truth=recording / TRUTH)
+    report(result, truth=(recording / TRUTH,))
     say(f"The report: {(result / 'report.html').resolve().as_uri()}")

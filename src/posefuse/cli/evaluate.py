@@ -2,59 +2,68 @@
 
 import json
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from posefuse.cli.console import count, note, percent, say, table
-from posefuse.cli.types import Result
-from posefuse.errors import ResultError
-from posefuse.evaluation.accuracy import Accuracy, Truth
+from posefuse.cli.types import PointsUnit
+from posefuse.evaluation.accuracy import Accuracy
 from posefuse.evaluation.head_points import HeadRule
 from posefuse.model.options.options import LayerName
-from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.tracks import TrackState
 
 if TYPE_CHECKING:
-    from posefuse.evaluation.paired_results import PeoplePoints
-    from posefuse.evaluation.people import PeopleScores
+    from posefuse.evaluation.people import PeopleScores, ScoringOptions
     from posefuse.evaluation.self_consistency import PersonConsistency, SelfConsistency
 
 StateName = Literal["tentative", "active", "lost"]
 
-_SINGLE_PERSON_SUFFIXES = (".trc", ".c3d")
-"""Suffixes of files that hold one person each."""
 UNDEFINED = "-"
 """Text for a number that is not defined."""
 
 
-def evaluate(
-    result: Result,
-    truth: Annotated[
-        tuple[Path, ...],
-        Parameter(
-            help="Ground truth: a truth.nc, a reconstruction.nc, or one TRC or C3D file per person; without it, the "
-            "self-consistency of the result."
-        ),
-    ] = (),
-    *,
-    layer: Annotated[LayerName | None, Parameter(help="Layer to evaluate; by default the best one available.")] = None,
-    head_rule: Annotated[
-        HeadRule, Parameter(help="Keypoints that represent the head in PCP, for several people.")
-    ] = "none",
+@dataclass(frozen=True)
+class ScoringFlags:
+    """Flags of the scores of several people."""
+
+    head_rule: Annotated[HeadRule, Parameter(help="Keypoints that represent the head in PCP, for several people.")] = (
+        "none"
+    )
     entry_s: Annotated[
         float, Parameter(help="Time after each entry that the second recall excludes, in s, for several people.")
-    ] = 0.4,
+    ] = 0.4
     gate_m: Annotated[
         tuple[float, ...],
         Parameter(
             help="Maximum mean keypoint distances of a match, in m, for several people; by default 0.5 and 0.25 for "
             "bodies of 1.75 m, and in proportion."
         ),
+    ] = ()
+
+    def options(self) -> "ScoringOptions":
+        """Return the options of the scores."""
+        from posefuse.evaluation.people import ScoringOptions
+
+        return ScoringOptions(self.gate_m or None, entry_s=self.entry_s, head_rule=self.head_rule)
+
+
+def evaluate(
+    result: Annotated[Path, Parameter(help="Folder of a result, its reconstruction.nc, or a file of 3D points.")],
+    truth: Annotated[
+        tuple[Path, ...],
+        Parameter(
+            help="Ground truth: a truth.nc, a result, or 3D points in any format that posefuse reads, as one file or "
+            "one per person; without it, the self-consistency of the result."
+        ),
     ] = (),
+    *,
+    length_unit: PointsUnit = None,
+    layer: Annotated[LayerName | None, Parameter(help="Layer to evaluate; by default the best one available.")] = None,
+    scoring: Annotated[ScoringFlags, Parameter(name="*")] = ScoringFlags(),
     states: Annotated[
         tuple[StateName, ...],
         Parameter(help="Track states to evaluate; by default all frames with points."),
@@ -70,23 +79,22 @@ def evaluate(
 
     Several people are matched in every frame, and by name over the whole recording.
     """
-    from posefuse.alignment.apply import in_calibration_world
     from posefuse.evaluation.self_consistency import SelfConsistency, self_consistency
     from posefuse.io.files import must_exist, replacing
-    from posefuse.io.results.open_result import open_result
+    from posefuse.io.results.comparable import read_comparable
+    from posefuse.pipeline.evaluate_files import evaluate_files
 
-    path, reconstruction = open_result(result)
+    opened = read_comparable(must_exist(result, "result"), length_unit)
+    path, reconstruction = opened.path, opened.content
     reconstruction = replace(reconstruction, options=replace(reconstruction.options, layer=layer))
-    if reconstruction.alignment is not None:
+    if opened.was_aligned:
         note("The result is aligned; it is compared in the calibration's coordinate system.")
-        reconstruction = in_calibration_world(reconstruction)
     if states:
         from posefuse.evaluation.paired_results import only_in_states
 
         reconstruction = only_in_states(reconstruction, [TrackState[name.upper()] for name in states])
     if truth:
-        files = tuple(must_exist(file, "truth") for file in truth)
-        scores = compare(reconstruction, files, head_rule, entry_s, gate_m)
+        scores = evaluate_files(reconstruction, truth, scoring.options(), length_unit=length_unit)
     else:
         scores = self_consistency(reconstruction)
     target = json_file or path.parent / "evaluation.json"
@@ -99,108 +107,6 @@ def evaluate(
     else:
         show_people(scores)
     note(f"Wrote {target}")
-
-
-def compare(
-    result: Reconstruction,
-    files: tuple[Path, ...],
-    head_rule: HeadRule = "none",
-    entry_s: float = 0.4,
-    gates_m: tuple[float, ...] = (),
-) -> "Accuracy | PeopleScores":
-    """Return the accuracy for one person, or the tracking scores for several."""
-    from posefuse.evaluation import accuracy, people
-
-    data = people_of(result, files)
-    if data is None:
-        return accuracy.evaluate(result, truth_finder(files[0])(result))
-    return people.score_people(data, people.ScoringOptions(gates_m or None, entry_s=entry_s, head_rule=head_rule))
-
-
-def people_of(result: Reconstruction, files: tuple[Path, ...]) -> "PeoplePoints | None":
-    """Return a result with its ground truth, or None if both hold a single person.
-
-    Raises:
-        ResultError: if there are several files that are not TRC or C3D.
-    """
-    from posefuse.alignment.apply import in_calibration_world
-    from posefuse.evaluation import paired_results
-    from posefuse.io.results import netcdf
-
-    first = files[0]
-    of_one = [file.suffix.lower() in _SINGLE_PERSON_SUFFIXES for file in files]
-    if len(files) > 1 and not all(of_one):
-        raise ResultError(
-            f"Specify one ground-truth file with all people, or one TRC or C3D file per person; got {len(files)} files."
-        )
-    if all(of_one):
-        if len(files) == len(result.person_ids) == 1:
-            return None
-        return paired_results.with_truths(
-            result, [truth_finder(file)(result) for file in files], [file.stem for file in files]
-        )
-    known = in_calibration_world(netcdf.read_reconstruction(first))
-    if len(known.person_ids) == len(result.person_ids) == 1:
-        return None
-    return paired_results.people_points(result, known)
-
-
-def known_of(path: Path) -> Callable[[Reconstruction], "Truth | PeoplePoints"]:
-    """Read a ground-truth file and return a function that gives its positions at the frames of a result."""
-    return lambda result: people_of(result, (path,)) or truth_finder(path)(result)
-
-
-def truth_finder(path: Path) -> Callable[[Reconstruction], Truth]:
-    """Read the ground truth of one person and return a function that gives it at the frames of a result."""
-    from posefuse.alignment.apply import in_calibration_world
-    from posefuse.evaluation import accuracy
-    from posefuse.io.results import netcdf
-
-    if path.suffix.lower() == ".trc":
-        return _trc_finder(path)
-    if path.suffix.lower() == ".c3d":
-        return _c3d_finder(path)
-    known = in_calibration_world(netcdf.read_reconstruction(path))
-    return lambda result: accuracy.truth_from_result(result, known)
-
-
-def _trc_finder(path: Path) -> Callable[[Reconstruction], Truth]:
-    """Return the function for a TRC file, whose y axis is up."""
-    import numpy as np
-
-    from posefuse.evaluation.accuracy import truth_from_trajectories
-    from posefuse.io.results import trc
-    from posefuse.io.results.axes import y_up_from_world
-
-    tracks = trc.read(path)
-
-    def found(result: Reconstruction) -> Truth:
-        world_from_file = np.asarray(y_up_from_world(result.rig.up_axis)).T
-        return truth_from_trajectories(result, tracks.names, tracks.time_s, tracks.points_m @ world_from_file.T)
-
-    return found
-
-
-def _c3d_finder(path: Path) -> Callable[[Reconstruction], Truth]:
-    """Return the function for a C3D file in calibration coordinates; names may have a subject prefix."""
-    from posefuse.evaluation.accuracy import truth_from_trajectories
-    from posefuse.io.results import c3d_reading
-
-    tracks = c3d_reading.read(path)
-    if not tracks.unit:
-        raise ResultError(f"{path}: POINT:UNITS must specify mm, cm or m. Export the C3D again with its unit.")
-    names = tuple(name.rpartition(":")[2] for name in tracks.names)
-
-    def found(result: Reconstruction) -> Truth:
-        up = result.rig.up_axis
-        if None not in (up, tracks.up) and up != tracks.up:
-            raise ResultError(
-                f"{path} has {tracks.up} up (POINT:Y_SCREEN), but the calibration has {up}. "
-                "Export the C3D in the calibration's axes."
-            )
-        return truth_from_trajectories(result, names, tracks.time_s, tracks.points)
-
-    return found
 
 
 def plain(value: object) -> object:

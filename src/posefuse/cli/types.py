@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Group, Parameter
 
 from posefuse.cli.help import OPTIONS_GROUP
-from posefuse.model.options.options import Options
+from posefuse.model.options.options import LengthUnit, Options
 
 if TYPE_CHECKING:
     from posefuse.io.open_recording import RecordingInputs
@@ -28,6 +28,9 @@ EditsPath = Annotated[Path | None, Parameter(help="TOML file of edits to apply t
 Also = Annotated[
     tuple[str, ...],
     Parameter(help="Further formats to write, such as parquet or opensim; posefuse formats lists them."),
+]
+PointsUnit = Annotated[
+    LengthUnit | None, Parameter(help="Length unit of files of 3D points that do not state it: m, cm or mm.")
 ]
 SyncPath = Annotated[Path | None, Parameter(help="TOML file of time offsets that posefuse sync wrote.")]
 

@@ -7,7 +7,7 @@ Cameras follow OpenCV: x right, y down, z forward; pixel (0, 0) is the center of
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -206,11 +206,12 @@ class CameraRig(PickledByFields):
     left_out: tuple[str, ...] = ()
     calibrated: bool = True
     inferred_up: InferredUp | None = None
+    min_cameras: ClassVar[int] = 1
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cameras", tuple(self.cameras))
         object.__setattr__(self, "left_out", tuple(self.left_out))
-        if not self.cameras:
+        if len(self.cameras) < self.min_cameras:
             raise CameraError(f"A rig needs at least one camera; {self.source or 'this one'} has none.")
         repeated = sorted({name for name in self.names if self.names.count(name) > 1})
         if repeated:

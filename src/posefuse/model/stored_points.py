@@ -2,13 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import ClassVar
 
 import numpy as np
 
 from posefuse.arrays import check_shape, frozen, same
 from posefuse.errors import ResultError
+from posefuse.model.cameras import Camera, CameraRig, UpAxis
 from posefuse.model.options.options import LayerName
-from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.reconstruction import LAYERS, Layer, Reconstruction
+from posefuse.model.status import PointStatus, Source
+from posefuse.skeleton.skeletons import Skeleton
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +106,55 @@ _KINDS = {
     "view_error_px": np.float32,
 }
 """Array fields with their dtypes."""
+
+
+@dataclass(frozen=True)
+class NoCameras(CameraRig):
+    """The world of points whose cameras are unknown, such as those in another program's file."""
+
+    cameras: tuple[Camera, ...] = ()
+    min_cameras: ClassVar[int] = 0
+
+
+def reconstruction_of(points: StoredPoints, skeleton: Skeleton, up_axis: UpAxis | None, source: str) -> Reconstruction:
+    """Return stored points as a reconstruction without cameras, for comparisons.
+
+    Args:
+        points: points in meters.
+        skeleton: skeleton with the keypoints of the points, in their order.
+        up_axis: up axis of the file's world, None if unknown.
+        source: name of the file.
+    """
+    shape = points.points_m.shape[:3]
+    present = np.isfinite(points.points_m).all(axis=-1)
+    status = np.where(present, PointStatus.OK, PointStatus.NOT_SEEN).astype(np.int8)
+    sources = np.where(present, Source.MEASURED, Source.NONE).astype(np.int8)
+    layer = Layer(
+        points_m=points.points_m,
+        covariance_m2=_covariance_of(points),
+        status=status if points.status is None else points.status,
+        source=sources if points.source is None else points.source,
+        reprojection_error_px=np.full(shape, np.nan),
+        view_status=np.empty((*shape, 0), np.int8),
+        view_error_px=np.empty((*shape, 0), np.float32),
+    )
+    name = points.layer if points.layer in LAYERS else "measured"
+    return Reconstruction(
+        rig=NoCameras(up_axis=up_axis, source=source),
+        skeleton=skeleton,
+        person_ids=points.person_ids,
+        frame_numbers=points.frame_numbers,
+        time_s=points.time_s,
+        layers={name: layer},
+        rate_hz=points.rate_hz,
+    )
+
+
+def _covariance_of(points: StoredPoints) -> np.ndarray:
+    """Return the stored covariances, or NaN if the file has none."""
+    if points.covariance_m2 is None:
+        return np.full((*points.points_m.shape[:3], 6), np.nan)
+    return points.covariance_m2
 
 
 def stored_points(result: Reconstruction, layer: LayerName, people: Sequence[str] | None = None) -> StoredPoints:

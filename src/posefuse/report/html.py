@@ -9,6 +9,7 @@ from importlib.resources import files
 from string import Template
 from typing import Any
 
+import numpy as np
 from plotly.offline import get_plotlyjs
 
 from posefuse.evaluation.accuracy import Accuracy
@@ -39,7 +40,7 @@ class PageData:
 
     Args:
         result: the result to show.
-        truth: ground truth of the same frames and keypoints, or None.
+        truth_m: ground truth, shape (frame, person, keypoint, 3), or None.
         accuracy: accuracy of the result, or None.
         progress: receives the progress.
     """
@@ -47,12 +48,12 @@ class PageData:
     def __init__(
         self,
         result: Reconstruction,
-        truth: Reconstruction | None,
+        truth_m: np.ndarray | None,
         accuracy: Accuracy | PeopleScores | None,
         progress: Progress,
     ) -> None:
         self.result = result
-        self.truth = truth
+        self.truth_m = truth_m
         self.accuracy = accuracy
         self.layer: LayerName = result.best_layer(result.options.layer)[0]
         self.parts = _Ranges(result, progress)
@@ -81,7 +82,7 @@ class PageData:
     def scene(self) -> tuple[dict[str, Any], str]:
         """JSON data of the 3D scene, and what the scene leaves out in words."""
         stride = display_stride(self.result)
-        scene, n_outside = scene_data(self.result, self.parts, self.layer, self.truth, stride)
+        scene, n_outside = scene_data(self.result, self.parts, self.layer, self.truth_m, stride)
         return scene, scene_note(stride, n_outside)
 
     @property
@@ -155,7 +156,7 @@ CHARTS: dict[str, Callable[[PageData], Any]] = {
 
 def render_report(
     result: Reconstruction,
-    truth: Reconstruction | None = None,
+    truth_m: np.ndarray | None = None,
     accuracy: Accuracy | PeopleScores | None = None,
     progress: Progress | None = None,
 ) -> str:
@@ -163,11 +164,12 @@ def render_report(
 
     Args:
         result: what to show: the layer of ``options.layer``, or the best one.
-        truth: ground truth of the same frames and keypoints, drawn next to the result.
+        truth_m: ground truth, drawn next to the result: shape (frame, person, keypoint, 3) with the frames and
+            keypoints of the result, NaN where unknown.
         accuracy: accuracy of the result compared with the ground truth.
         progress: receives the progress.
     """
-    page = PageData(result, truth, accuracy, progress or Silent())
+    page = PageData(result, truth_m, accuracy, progress or Silent())
     return Template(_asset("report.html")).substitute(
         title=escape(f"posefuse: {len(result.person_ids)} x {result.skeleton.name}"),
         css=_asset("report.css"),

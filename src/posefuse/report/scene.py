@@ -38,7 +38,7 @@ def scene_data(
     result: Reconstruction,
     parts: Iterable[Reconstruction],
     layer: LayerName,
-    truth: Reconstruction | None,
+    truth_m: np.ndarray | None,
     stride: int,
 ) -> tuple[dict[str, Any], int]:
     """Return the JSON data of the scene, and the number of points too far away to be drawn.
@@ -47,7 +47,7 @@ def scene_data(
         result: the result to show.
         parts: its consecutive ranges of frames.
         layer: the layer shown first.
-        truth: ground truth, drawn if it has the same frames and keypoints.
+        truth_m: ground truth, shape (frame, person, keypoint, 3), NaN where unknown, or None.
         stride: the scene has every n-th frame.
     """
     shown, covariances, marks = _subsample(parts, layer, stride)
@@ -62,7 +62,7 @@ def scene_data(
         "covariances": [pack_covariances(values) for values in covariances.swapaxes(0, 1)],
         "marks": marks,
         "markedViews": len(result.rig) <= MARKED_VIEWS,
-        "truth": _pack_truth(result, truth, grid, stride),
+        "truth": _pack_truth(truth_m, grid, stride),
     }
     return scene, n_outside
 
@@ -112,14 +112,10 @@ def measured_mask(part: Reconstruction, layer: LayerName) -> np.ndarray:
     return is_measured(chosen) & is_measured(part.layers[layer])
 
 
-def _pack_truth(
-    result: Reconstruction, truth: Reconstruction | None, grid: PackingGrid, stride: int
-) -> list[str] | None:
-    if truth is None or truth.n_frames != result.n_frames or truth.skeleton.keypoints != result.skeleton.keypoints:
+def _pack_truth(truth_m: np.ndarray | None, grid: PackingGrid, stride: int) -> list[str] | None:
+    if truth_m is None:
         return None
-    _, layer = truth.best_layer()
-    points = np.asarray(layer.points_m[:])[::stride].swapaxes(0, 1)
-    return [pack_points(person, grid)[0] for person in points]
+    return [pack_points(person, grid)[0] for person in truth_m[::stride].swapaxes(0, 1)]
 
 
 def _side(name: str) -> str:

@@ -53,7 +53,7 @@ def test_same_result_gives_the_same_bytes(result):
 
 def test_summary_states_the_result_in_sentences(scene, result):
     accuracy = evaluate(result, truth_from_result(result, scene.truth))
-    page = render_report(result, scene.truth, accuracy)
+    page = render_report(result, np.asarray(scene.truth.layers["measured"].points_m), accuracy)
     for words in ("1 person, 26 keypoints (halpe_26), 60 frames (2.0 s at 30 Hz), 4 cameras",
                   "The numbers are those of the layer",
                   "Compared with the ground truth: median error", "Coverage of the 68 / 95 % regions",
@@ -64,7 +64,7 @@ def test_summary_states_the_result_in_sentences(scene, result):
 def test_scene_contains_every_point(scene, result):
     import base64
 
-    shown = data_of(render_report(result, scene.truth))["scene"]
+    shown = data_of(render_report(result, np.asarray(scene.truth.layers["measured"].points_m)))["scene"]
     assert {layer["name"] for layer in shown["layers"]} == set(result.layers)
     assert shown["layers"][0]["name"] == result.best_layer()[0]
     steps = np.frombuffer(base64.b64decode(shown["layers"][0]["points"][0]), "<i2").reshape(60, 26, 3)
