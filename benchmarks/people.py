@@ -32,7 +32,7 @@ from posefuse.model.reconstruction import unpack_covariance
 from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
 from posefuse.pipeline.people import default_noise, tracker_of
-from posefuse.synthetic.crowd_options import SCENARIOS, CrowdOptions
+from posefuse.synthetic.crowd_options import SCENARIOS, CrowdOptions, Scenario
 from posefuse.synthetic.crowds import CrowdScene, Kind, simulate_crowd
 from posefuse.tracking.history import History
 from posefuse.tracking.records import People, Person
@@ -352,6 +352,7 @@ class Ablation:
         components: Components that are replaced by those of the strategy `specification`.
         shape_spread: Factor for the variance of bone lengths in the prior.
         smoothed: Whether the smoothed results are scored.
+        scenarios: Scenes of the rows.
     """
 
     what: str
@@ -359,6 +360,7 @@ class Ablation:
     components: tuple[str, ...] = ()
     shape_spread: float = 1.0
     smoothed: bool = False
+    scenarios: tuple[Scenario, ...] = ("crowd", "hug")
 
     def follow(self, scene: CrowdScene) -> Run:
         """Track all people of a scene."""
@@ -384,8 +386,32 @@ def without_stage(name: str) -> TrackerOptions:
     return replace(options, **{name: replace(getattr(options, name), enabled=False)})
 
 
+def without_terms(changed: dict[str, float | bool | None]) -> TrackerOptions:
+    """Return the options of the strategy `specification` with some of its terms off."""
+    return TrackerOptions(strategy="specification", specification=replace(TrackerOptions().specification, **changed))
+
+
+_BOTH: tuple[Scenario, ...] = ("crowd", "hug")
+TERMS: tuple[tuple[str, tuple[Scenario, ...], dict[str, float | bool | None]], ...] = (
+    ("`pair_proposals` false", _BOTH, {"pair_proposals": False}),
+    ("`angle_weight` 0", _BOTH, {"angle_weight": 0.0}),
+    ("`anthropometric_weight` 0", _BOTH, {"anthropometric_weight": 0.0}),
+    ("`normalized_distance` true", _BOTH, {"normalized_distance": True}),
+    ("`tentative_motion` false", _BOTH, {"tentative_motion": False}),
+    ("`promotion_fit` false", _BOTH, {"promotion_fit": False}),
+    ("`shape_gain` off", _BOTH, {"shape_gain": None}),
+    ("`core_matching` false", _BOTH, {"core_matching": False}),
+    ("`same_frame_reacquisition` false", ("crowd", "hug", "leave"), {"same_frame_reacquisition": False}),
+    ("`twist_motion` false", _BOTH, {"twist_motion": False}),
+    ("`persistent_velocities` false", ("crowd", "hug", "leave"), {"persistent_velocities": False}),
+    ("`terminate_variance_m2` off", ("leave",), {"terminate_variance_m2": None}),
+    ("`terminate_outside_after_s` off", ("leave",), {"terminate_outside_after_s": None}),
+    ("both off", ("leave",), {"terminate_variance_m2": None, "terminate_outside_after_s": None}),
+)
+"""Terms of the specification that an option switches: the label of the row, its scenes and the changed options."""
+
 ABLATIONS = (
-    Ablation("defaults, causal"),
+    Ablation("defaults, causal", scenarios=("crowd", "hug", "leave")),
     Ablation("with the smoother (offline)", smoothed=True),
     *(Ablation(f"`{name}.enabled` false", without_stage(name)) for name in STAGES),
     Ablation("Gaussian errors (`nu` 1e6)", TrackerOptions(nu=1e6)),
@@ -393,7 +419,11 @@ ABLATIONS = (
     Ablation("uncorrelated errors (`error_memory_s` 1e-6)", TrackerOptions(error_memory_s=1e-6)),
     Ablation("no swaps (`swap_log_odds` -1e6)", TrackerOptions(swap_log_odds=-1e6)),
     Ablation("wide prior of bone lengths (variance x 25)", shape_spread=_WIDE),
-    Ablation("`strategy` specification", TrackerOptions(strategy="specification")),
+    Ablation(
+        "`strategy` specification",
+        TrackerOptions(strategy="specification"),
+        scenarios=("crowd", "hug", "leave"),
+    ),
     *(
         Ablation(f"only its {what}", components=(name,))
         for name, what in (
@@ -401,7 +431,13 @@ ABLATIONS = (
             ("noise", "noise recursion"),
             ("prior", "prior"),
             ("distance", "distance of proposals"),
+            ("motion", "motion"),
+            ("initiation", "first body"),
         )
+    ),
+    *(
+        Ablation(f"`specification`, {what}", without_terms(changed), scenarios=scenarios)
+        for what, scenarios, changed in TERMS
     ),
 )
 
@@ -412,10 +448,13 @@ ABLATION_HEAD = (
 
 
 def ablations(seeds: int) -> None:
-    """Print the effect of each part on two scenes."""
+    """Print the effect of each part."""
     print(ABLATION_HEAD)
     for each in ABLATIONS:
-        for scene in (CrowdOptions("crowd", duration_s=_ABLATED_CROWD_S), CrowdOptions("hug")):
+        for scenario in each.scenarios:
+            scene = CrowdOptions(scenario)
+            if scenario == "crowd":
+                scene = replace(scene, duration_s=_ABLATED_CROWD_S)
             runs = []
             for seed in range(seeds):
                 _say(f"{each.what}, {scene.scenario} {seed}")

@@ -64,7 +64,7 @@ def propose(
     people, score = [people[i] for i in order], score[order]
     merged = np.stack([_merge(bodies, group, options.rpt) for group in people])
     rows, duplicates = _claims(rig, detections, bodies, people)
-    points = _with_covariance(rig, frame, noise, skeleton, rows, merged, options)
+    points = with_covariance(rig, frame, noise, skeleton, rows, merged, options)
     torso_m, torso_covariance_m2 = torso(skeleton, points.points_m, points.covariance_m2)
     share = np.clip(score, 1e-6, 1.0 - 1e-6)
     return Proposals(
@@ -169,7 +169,7 @@ def _claims(
     return rows, np.array(again, dtype=np.int64).reshape(-1, 2)
 
 
-def _with_covariance(
+def with_covariance(
     rig: CameraRig,
     frame: Frame,
     noise: NoiseModel,

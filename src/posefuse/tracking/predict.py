@@ -11,7 +11,7 @@ from posefuse.model.options.tracker import TrackerOptions
 from posefuse.tracking.body_states import ProjectedBodies, select_states
 from posefuse.tracking.frame_clock import view_times
 from posefuse.tracking.strategy import TrackerSetup
-from posefuse.tracking.track_set import TrackSet, advance_state
+from posefuse.tracking.track_set import TrackSet
 
 _MAX_LOG_ODDS = 600.0
 """Larger log odds make a probability zero."""
@@ -62,7 +62,7 @@ def predict(tracks: TrackSet, frame: FrameInput, setup: TrackerSetup) -> Predict
     views_differ = len(view_times(frame.frame, frame.time_s)) > 1
     setup.strategy.prior.prepare(tracks.state, tracks.recent)
     before = select_states(tracks.state, np.arange(len(tracks))) if views_differ else None
-    advance_state(tracks.state, frame.dt_s, s)
+    setup.strategy.motion.advance(tracks.state, frame.dt_s, s)
     projected = tracks.projected(s.cameras, s)
     predict_swaps(tracks.recent.swapped, frame.dt_s, s.options)
     return Prediction(projected, before)

@@ -13,12 +13,11 @@ from posefuse.tracking.camera_monitor import missing_views
 from posefuse.tracking.frame_clock import TIME_TOLERANCE_S
 from posefuse.tracking.lifecycle import LifecycleThresholds, new_track, restore_track
 from posefuse.tracking.predict import FrameInput
-from posefuse.tracking.records import Observation, PastState, TentativeTrack
+from posefuse.tracking.records import Observation, PastState, TentativeTrack, Track
 from posefuse.tracking.reidentification import Reidentification, population_is_known
 from posefuse.tracking.strategy import FrameOutcome, TrackerSetup
 from posefuse.tracking.track_initiation import (
     continue_tentative,
-    fit_body,
     is_confirmed,
     is_expired,
     observation_of,
@@ -47,12 +46,13 @@ class Promotions:
 
 @dataclass(frozen=True, eq=False)
 class _Promotion:
-    """A tentative track that was promoted: index and number of its track, past states, events."""
+    """A tentative track or a proposal that became active: its track, past states, last observation and events."""
 
     track: int
     number: int
     name: str
     past: list[PastState]
+    last: Observation
     events: list[tuple[EventKind, str]]
     is_restored: bool
 
@@ -84,10 +84,11 @@ def promote_tracks(
     free = find_unassigned(frame.frame, outcome.rows, association.explained, rejected)
     free[list(single_view)] = True
     observations = _propose_new_people(tracks, frame, free, predicted_points_m, rejected, setup)
-    for each in continue_tentative(pool.tracks, observations, lambda a, b: setup.strategy.distance.distance(a, b, s)):
+    distance = setup.strategy.distance
+    for each in continue_tentative(pool.tracks, observations, lambda a, b: distance.distance(a, b, s)):
         pool.n_created += 1
         pool.tracks.append(TentativeTrack(pool.n_created, [each]))
-    rows, used, promoted, remaining = outcome.rows.copy(), outcome.used.copy(), [], []
+    promoted, remaining = [], []
     for each in pool.tracks:
         each.score = score.tentative_score(each, frame.time_s, frame.dt_s, s)
         min_age_s = score.min_age_s(each, s)
@@ -96,15 +97,15 @@ def promote_tracks(
             promotion = _promote(each, tracks, frame, single_view, setup)
         if promotion is not None:
             promoted.append(promotion)
-            last = each.observations[-1]
-            counted = np.isfinite(last.keypoints_px[..., 0])
-            if promotion.track < len(rows):
-                rows[promotion.track], used[promotion.track] = last.rows, counted
-            else:
-                rows, used = np.vstack([rows, last.rows]), np.vstack([used, counted[None]])
         elif not is_expired(each, frame.time_s, min_age_s, s):
             remaining.append(each)
-    pool.tracks = remaining
+    free_observations = [new for new in observations if not any(new is each.last for each in promoted)]
+    reacquired = _reacquire_lost(tracks, free_observations, frame, setup)
+    promoted += reacquired
+    pool.tracks = [
+        each for each in remaining if not any(each.observations[-1] is other.last for other in reacquired)
+    ]  # fmt: skip
+    rows, used = _extended(outcome, promoted)
     events = [
         Event(frame.frame.number, frame.time_s, each.name, kind, reason)
         for each in promoted
@@ -112,6 +113,18 @@ def promote_tracks(
     ]
     restored = frozenset(each.number for each in promoted if each.is_restored)
     return Promotions(rows, used, tuple(events), {each.name: each.past for each in promoted}, restored)
+
+
+def _extended(outcome: FrameOutcome, promoted: list[_Promotion]) -> tuple[np.ndarray, np.ndarray]:
+    """Return detections and used keypoints of all tracks, with those of promoted tracks."""
+    rows, used = outcome.rows.copy(), outcome.used.copy()
+    for each in promoted:
+        counted = np.isfinite(each.last.keypoints_px[..., 0])
+        if each.track < len(rows):
+            rows[each.track], used[each.track] = each.last.rows, counted
+        else:
+            rows, used = np.vstack([rows, each.last.rows]), np.vstack([used, counted[None]])
+    return rows, used
 
 
 def lifecycle_thresholds(setup: TrackerSetup) -> LifecycleThresholds:
@@ -150,7 +163,7 @@ def _propose_new_people(
     if not len(views) or views[0] == views[-1]:
         return []
     known, options = predicted_points_m[active], s.options.initiation
-    proposals = setup.propose(detections, free)
+    proposals = setup.propose_new(detections, free)
     observations = []
     for i in range(len(proposals)):
         distance = np.linalg.norm(known - proposals.points_m[i], axis=-1)
@@ -180,7 +193,7 @@ def _promote(
         None if no body fits the observations, or if a tracked person is already there.
     """
     s, thresholds = setup.settings, lifecycle_thresholds(setup)
-    state, past, error = fit_body(tentative.observations, s)
+    state, past, error = setup.strategy.initiation.fit(tentative, s)
     if not error <= s.options.initiation.max_error_sigma:
         return None
     last = tentative.observations[-1]
@@ -209,11 +222,40 @@ def _promote(
         p = len(tracks)
         tracks.append(new_track(tracks.n_created, frame.time_s, thresholds), state, s)
         events.append(("confirmed", f"seen by {last.n_views} cameras with an error of {error:.1f} sigma"))
-    track = tracks.tracks[p]
+    track = _activate(tracks.tracks[p], last, frame, setup)
+    return _Promotion(p, track.number, track.name, past, last, events, lost is not None)
+
+
+def _activate(track: Track, last: Observation, frame: FrameInput, setup: TrackerSetup) -> Track:
+    """Make a track active at an observation of this frame."""
     track.state, track.last_position_m = TrackState.ACTIVE, last.torso_m
     track.last_seen_s = track.last_multiview_s = frame.time_s
-    track.log_odds = thresholds.initial_score
-    return _Promotion(p, track.number, track.name, past, events, lost is not None)
+    track.log_odds = lifecycle_thresholds(setup).initial_score
+    return track
+
+
+def _reacquire_lost(
+    tracks: TrackSet, observations: list[Observation], frame: FrameInput, setup: TrackerSetup
+) -> list[_Promotion]:
+    """Re-acquire lost tracks by proposals of this frame, without the confirmation of a new track.
+
+    Args:
+        tracks: Updated in place: confirmed tracks.
+        observations: Proposals that no other track uses.
+        frame: The frame.
+        setup: Setup of the tracker.
+    """
+    s, reacquired = setup.settings, []
+    for match, observation in setup.strategy.distance.find_reacquired(tracks.tracks, tracks.state, observations, s):
+        state, _, error = setup.strategy.initiation.fit(TentativeTrack(0, [observation]), s)
+        if not error <= s.options.initiation.max_error_sigma or _is_occupied(state, tracks, setup):
+            continue
+        restore_track(tracks.state, match.track, state, s)
+        tracks.reset_history(match.track, s)
+        track = _activate(tracks.tracks[match.track], observation, frame, setup)
+        events: list[tuple[EventKind, str]] = [("reacquired", match.reason)]
+        reacquired.append(_Promotion(match.track, track.number, track.name, [], observation, events, True))
+    return reacquired
 
 
 def _is_occupied(state: State, tracks: TrackSet, setup: TrackerSetup) -> bool:

@@ -11,7 +11,7 @@ from posefuse.kernels.tracking.records import State
 from posefuse.model.frames import Frame
 from posefuse.model.proposals import Proposals
 from posefuse.tracking.body_states import ProjectedBodies
-from posefuse.tracking.records import Observation, RecentHistory, TentativeTrack, Track
+from posefuse.tracking.records import Observation, PastState, RecentHistory, TentativeTrack, Track
 from posefuse.tracking.reidentification import Reidentification
 from posefuse.tracking.settings import TrackerSettings
 
@@ -88,13 +88,25 @@ class FrameOutcome:
 class Prior(Protocol):
     """Prior covariance of the prediction."""
 
-    @property
-    def smoothable(self) -> bool:
-        """Whether the covariances allow a smoother to use later frames."""
-        ...
-
     def prepare(self, state: State, recent: RecentHistory) -> None:
         """Change the states after the last frame, in place, to those from which the prediction starts."""
+        ...
+
+    def open_shape(self, state: State, rows: np.ndarray, settings: TrackerSettings) -> np.ndarray | None:
+        """Prepare the bone lengths of predicted states for the update by detections, in place.
+
+        Args:
+            state: Updated in place.
+            rows: shape (track, view), int64: assigned detections, -1 for none.
+            settings: Settings of the tracker.
+
+        Returns:
+            Lengths before the update, shape (track, shape), NaN where the update alone determines them; None for all.
+        """
+        ...
+
+    def close_shape(self, before: np.ndarray | None, state: State, settings: TrackerSettings) -> None:
+        """Change the bone lengths of updated states, in place, given those from :meth:`open_shape`."""
         ...
 
 
@@ -121,6 +133,14 @@ class Noise(Protocol):
 
     def adapt(self, outcome: FrameOutcome, recent: RecentHistory, state: State, settings: TrackerSettings) -> None:
         """Adapt the noise estimates to the residuals of the updated states."""
+        ...
+
+
+class Motion(Protocol):
+    """Motion model of bodies."""
+
+    def advance(self, state: State, dt_s: float, settings: TrackerSettings) -> None:
+        """Predict states by a time, in place; a negative time counts as zero."""
         ...
 
 
@@ -171,8 +191,8 @@ class Distance(Protocol):
         """Merge the proposals of one frame that show the same person."""
         ...
 
-    def distance(self, last: Observation, new: Observation, settings: TrackerSettings) -> float:
-        """Return the distance of a proposal from a tentative track's last observation; inf beyond the gate."""
+    def distance(self, track: TentativeTrack, new: Observation, settings: TrackerSettings) -> float:
+        """Return the distance of a proposal from a tentative track; inf beyond the gate."""
         ...
 
     def find_lost(
@@ -201,15 +221,42 @@ class Distance(Protocol):
         """
         ...
 
+    def find_reacquired(
+        self, tracks: list[Track], state: State, observations: list[Observation], settings: TrackerSettings
+    ) -> list[tuple[Reidentification, Observation]]:
+        """Find the lost tracks that proposals continue in the same frame, each with its proposal."""
+        ...
+
+
+class Initiation(Protocol):
+    """First body of a track."""
+
+    def fit(self, track: TentativeTrack, settings: TrackerSettings) -> tuple[State, list[PastState], float]:
+        """Fit a body to a tentative track.
+
+        Returns:
+            State of one body in the last frame; states in earlier frames; and the median reprojection error in the last
+            frame, in standard deviations.
+        """
+        ...
+
+
+def same_settings(settings: TrackerSettings) -> TrackerSettings:
+    """Return the settings unchanged."""
+    return settings
+
 
 @dataclass(frozen=True)
 class Strategy:
-    """The components in which the tracker's strategies differ."""
+    """The components in which the tracker's strategies differ, and the settings that a strategy changes."""
 
     prior: Prior
     noise: Noise
     score: Score
     distance: Distance
+    motion: Motion
+    initiation: Initiation
+    configure: Callable[[TrackerSettings], TrackerSettings] = same_settings
 
 
 @dataclass(frozen=True)
@@ -220,8 +267,10 @@ class TrackerSetup:
         settings: Cameras, skeleton, noise model and options.
         strategy: Exchangeable components.
         propose: Function that proposes people from unassigned detections.
+        propose_new: The same for people who are not tracked yet.
     """
 
     settings: TrackerSettings
     strategy: Strategy
     propose: Propose
+    propose_new: Propose

@@ -49,14 +49,14 @@ def observation_of(frame: Frame, time_s: float, proposals: Proposals, index: int
 def continue_tentative(
     tracks: list[TentativeTrack],
     observations: list[Observation],
-    distance: Callable[[Observation, Observation], float],
+    distance: Callable[[TentativeTrack, Observation], float],
 ) -> list[Observation]:
     """Assign observations to tentative tracks and return the remaining observations.
 
     Args:
         tracks: Updated in place.
         observations: Observations of this frame.
-        distance: Distance of a new observation from a track's last one; inf if it cannot continue the track.
+        distance: Distance of a new observation from a track; inf if it cannot continue the track.
     """
     for track in tracks:
         track.frames += 1
@@ -65,7 +65,7 @@ def continue_tentative(
     cost = np.full((len(tracks), len(observations)), _IMPOSSIBLE)
     for i, track in enumerate(tracks):
         for j, new in enumerate(observations):
-            cost[i, j] = min(distance(track.observations[-1], new), _IMPOSSIBLE)
+            cost[i, j] = min(distance(track, new), _IMPOSSIBLE)
     assigned = set()
     for i, j in zip(*linear_sum_assignment(cost), strict=True):
         if cost[i, j] < _IMPOSSIBLE:

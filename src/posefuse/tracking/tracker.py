@@ -1,7 +1,5 @@
 """The tracker: predict, associate, update and manage, frame by frame. See docs/methods/tracking.md."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from posefuse.errors import DetectionsError
@@ -29,13 +27,22 @@ class ArticulatedTracker:
         settings: Cameras, skeleton, noise model and options.
         propose: Function that proposes people from unassigned detections.
         strategy: Exchangeable components; by default those of the strategy that the options name.
+        propose_new: Function that proposes people who are not tracked yet; by default ``propose``.
+
+    Raises:
+        OptionsError: If an option of the strategy does not fit the skeleton.
     """
 
-    def __init__(self, settings: TrackerSettings, propose: Propose, strategy: Strategy | None = None) -> None:
+    def __init__(
+        self,
+        settings: TrackerSettings,
+        propose: Propose,
+        strategy: Strategy | None = None,
+        propose_new: Propose | None = None,
+    ) -> None:
         strategy = strategy or find_strategy(settings.options.strategy)
-        if not strategy.prior.smoothable:
-            settings = replace(settings, options=replace(settings.options, smoother="none"))
-        self.setup = TrackerSetup(settings, strategy, propose)
+        settings = strategy.configure(settings)
+        self.setup = TrackerSetup(settings, strategy, propose, propose_new or propose)
         self.confirmed = TrackSet.empty(settings)
         """Confirmed tracks with their states."""
         self.book = Bookkeeping.new(len(settings.rig))

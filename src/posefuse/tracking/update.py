@@ -26,7 +26,7 @@ from posefuse.tracking.single_view_priors import (
     observe_posture,
 )
 from posefuse.tracking.strategy import Propose, TrackerSetup, UpdateNoise
-from posefuse.tracking.track_set import TrackSet, advance_state
+from posefuse.tracking.track_set import TrackSet
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,10 @@ def update(
         apply_height_prior(state, recent, alone, frame.dt_s, s)
     if s.options.reinitialization.enabled and is_long_gap(frame.dt_s, s):
         _reinitialize_unknown_directions(tracks, prediction, association, setup)
+    predicted = tracks.state if prediction.state_before is None else prediction.state_before
+    lengths = setup.strategy.prior.open_shape(predicted, association.rows, s)
     use, nis = _update_states(tracks, frame, prediction, association, setup)
+    setup.strategy.prior.close_shape(lengths, tracks.state, s)
     uses = KeypointUses.of(use)
     supported = uses.of_view >= s.options.min_joints
     if s.options.single_view.enabled:
@@ -102,7 +105,7 @@ def _update_states(
     tracks.state, now_s = prediction.state_before, frame.time_s - frame.dt_s
     # The original frame says when each view was taken; merging partial detections does not change that.
     for time_s, views in view_times(association.frame, frame.time_s):
-        advance_state(tracks.state, time_s - now_s, s)
+        setup.strategy.motion.advance(tracks.state, time_s - now_s, s)
         now_s = max(now_s, time_s)
         part = np.empty_like(use)
         nis += _update_by(tracks.state, np.where(views, rows, -1), association, noise, setup, part)

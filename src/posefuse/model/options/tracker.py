@@ -27,7 +27,7 @@ StrategyName = Literal["posefuse", "specification"]
 
 STRATEGIES: dict[StrategyName, str] = {
     "posefuse": "log odds, tempered noise model, propagated covariance as prior",
-    "specification": "the specification's own scores, noise recursion, prior and proposal distance; causal",
+    "specification": "every term as specified: proposals, scores, noise, prior, motion and first body; causal",
 }
 """Strategies of the tracker with their line of help; one file each under ``tracking/strategies``."""
 
@@ -40,8 +40,8 @@ class TrackerOptions:
     """Tracking of several people.
 
     Attributes:
-        strategy: Strategy for scores, noise model, prior and proposal distance: "posefuse" or "specification". The
-            latter does not propagate covariances, so its results cannot be smoothed.
+        strategy: Strategy for proposals, scores, noise model, prior, motion, first body and termination: "posefuse" or
+            "specification". The latter does not propagate covariances, so its results cannot be smoothed.
         iterations: Maximum number of Gauss-Newton steps per frame.
         nu: Degrees of freedom of the Student's t distribution of detection errors.
         gate: Maximum squared innovation of a keypoint, normalized by its covariance, for the keypoint to be used in the

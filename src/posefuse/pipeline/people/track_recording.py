@@ -58,7 +58,12 @@ def track_subject(
     offsets = np.concatenate([[0], np.cumsum(assigned.ravel())])
     alone = replace(detections, offsets=offsets, **detections.rows(rows[assigned]))
     # Any person who appears is the subject: the track is never forgotten and always re-acquired.
-    anywhere = replace(options.tracker.specification, reacquire_gate=_UNLIMITED_GATE)
+    anywhere = replace(
+        options.tracker.specification,
+        reacquire_gate=_UNLIMITED_GATE,
+        terminate_variance_m2=None,
+        terminate_outside_after_s=None,
+    )
     always = replace(options.tracker.reidentification, min_log_odds=-_CERTAIN_LOG_ODDS)
     tracker = replace(
         options.tracker, max_people=1, terminate_after_s=_NEVER_S, reidentification=always, specification=anywhere

@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from posefuse.association.pair_energy import propose_by_energy
 from posefuse.errors import PosefuseWarning, SkeletonError
 from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
@@ -66,12 +67,17 @@ def tracker_of(rig: CameraRig, skeleton: Skeleton, noise: NoiseModel, options: O
     """Return a tracker that proposes people as the options specify.
 
     Raises:
-        OptionsError: if a known length is of a bone that the skeleton does not have.
+        OptionsError: if a known length is of a bone, or a joint weight of a keypoint, that the skeleton does not have.
         SkeletonError: if the skeleton has no kinematic tree.
     """
     skeleton = with_known_lengths(skeleton, options.tracker)
     settings = TrackerSettings.of(rig, skeleton, noise, options.tracker)
-    return ArticulatedTracker(settings, partial(propose_people, rig, noise, skeleton, options))
+    propose = partial(propose_people, rig, noise, skeleton, options)
+    specification = settings.options.specification
+    if options.tracker.strategy != "specification" or not specification.pair_proposals:
+        return ArticulatedTracker(settings, propose)
+    propose_new = partial(propose_by_energy, rig, noise, skeleton, options.association, specification)
+    return ArticulatedTracker(settings, propose, propose_new=propose_new)
 
 
 def with_tree(

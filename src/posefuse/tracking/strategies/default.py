@@ -12,11 +12,12 @@ from posefuse.kernels.tracking.matching import score_detections
 from posefuse.kernels.tracking.records import DetectionScores, MatchParameters, State
 from posefuse.model.frames import Frame
 from posefuse.tracking.body_states import ProjectedBodies
-from posefuse.tracking.records import Observation, RecentHistory, TentativeTrack, Track
+from posefuse.tracking.records import Observation, PastState, RecentHistory, TentativeTrack, Track
 from posefuse.tracking.reidentification import Reidentification, find_lost_track
 from posefuse.tracking.settings import TrackerSettings, filter_memory_s, tempering_factor
 from posefuse.tracking.strategy import FrameOutcome, MatchScores, Noise, Strategy, UpdateNoise
-from posefuse.tracking.track_initiation import is_of_two_views
+from posefuse.tracking.track_initiation import fit_body, is_of_two_views
+from posefuse.tracking.track_set import advance_state
 
 _MIN_EVIDENCE = 1e-3
 """Evidence per frame, in nats, below which views practically never confirm a track."""
@@ -25,10 +26,14 @@ _MIN_EVIDENCE = 1e-3
 class PropagatedPrior:
     """Prior of the Kalman filter: the covariance of the prediction is F P F^T + Q."""
 
-    smoothable = True
-
     def prepare(self, state: State, recent: RecentHistory) -> None:
         """Keep the states as they are."""
+
+    def open_shape(self, state: State, rows: np.ndarray, settings: TrackerSettings) -> np.ndarray | None:
+        """Keep the lengths as they are."""
+
+    def close_shape(self, before: np.ndarray | None, state: State, settings: TrackerSettings) -> None:
+        """Keep the lengths of the update."""
 
 
 class TemperedNoise:
@@ -57,6 +62,14 @@ class TemperedNoise:
 
     def adapt(self, outcome: FrameOutcome, recent: RecentHistory, state: State, settings: TrackerSettings) -> None:
         """Change nothing: the noise model is fixed."""
+
+
+class FadingMotion:
+    """Velocities that decay, each number of the pose on its own."""
+
+    def advance(self, state: State, dt_s: float, settings: TrackerSettings) -> None:
+        """Predict states by a time, in place; a negative time counts as zero."""
+        advance_state(state, dt_s, settings)
 
 
 class LogOddsScore:
@@ -139,9 +152,9 @@ class TrunkDistance:
         """Return the proposals unchanged: groups of detections are one per person already."""
         return observations
 
-    def distance(self, last: Observation, new: Observation, settings: TrackerSettings) -> float:
-        """Return the distance between the trunks, in meters; inf beyond the reach of a person."""
-        options = settings.options
+    def distance(self, track: TentativeTrack, new: Observation, settings: TrackerSettings) -> float:
+        """Return the distance from the last trunk, in meters; inf beyond the reach of a person."""
+        options, last = settings.options, track.observations[-1]
         reach = options.initiation.gate_m + options.motion.top_speed_m_s * (new.time_s - last.time_s)
         distance = float(np.linalg.norm(new.torso_m - last.torso_m))
         return distance if distance < reach else math.inf
@@ -159,5 +172,21 @@ class TrunkDistance:
         """Find the lost track by position and bone lengths."""
         return find_lost_track(tracks, state, fitted, observation.torso_m, since_s, time_s, settings)
 
+    def find_reacquired(
+        self, tracks: list[Track], state: State, observations: list[Observation], settings: TrackerSettings
+    ) -> list[tuple[Reidentification, Observation]]:
+        """Return nothing: a proposal re-identifies a lost track once it would be confirmed."""
+        return []
 
-STRATEGY = Strategy(PropagatedPrior(), TemperedNoise(), LogOddsScore(), TrunkDistance())
+
+class FilteredBody:
+    """Body filtered from the detections of all observations."""
+
+    def fit(self, track: TentativeTrack, settings: TrackerSettings) -> tuple[State, list[PastState], float]:
+        """Fit a body to the first observation and filter it to the last."""
+        return fit_body(track.observations, settings)
+
+
+STRATEGY = Strategy(
+    PropagatedPrior(), TemperedNoise(), LogOddsScore(), TrunkDistance(), FadingMotion(), FilteredBody()
+)  # fmt: skip

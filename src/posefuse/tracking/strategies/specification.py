@@ -1,8 +1,8 @@
 """The strategy `specification`: the specification's own scores, noise recursion, prior and proposal distance.
 
 The terms are those of the specification, with the minus signs that its displayed equations have lost, and with seconds
-for frames and standard deviations for pixels. See docs/methods/specification.md. The strategy serves
-comparisons and uses plain NumPy.
+for frames and standard deviations for pixels. Each term can be switched off by an option. See
+docs/methods/specification.md. The strategy serves comparisons and uses plain NumPy.
 """
 
 import math
@@ -13,15 +13,20 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from posefuse.arrays import frozen
+from posefuse.association.proposal_distance import CorePoses, core_poses, proposal_distance
+from posefuse.errors import OptionsError, choices
 from posefuse.kernels.tracking.records import State
 from posefuse.model.frames import Frame
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.body_states import ProjectedBodies
-from posefuse.tracking.records import Observation, RecentHistory, TentativeTrack, Track
+from posefuse.tracking.records import Observation, PastState, RecentHistory, TentativeTrack, Track
 from posefuse.tracking.reidentification import Reidentification
 from posefuse.tracking.settings import TrackerSettings
+from posefuse.tracking.strategies.promotion_fit import fit_first_body
+from posefuse.tracking.strategies.tentative_state import buffer_of, tentative_state
+from posefuse.tracking.strategies.twist_motion import TwistMotion
 from posefuse.tracking.strategy import FrameOutcome, MatchScores, Noise, Strategy, UpdateNoise
-from posefuse.tracking.track_initiation import core_bones, is_of_two_views
+from posefuse.tracking.track_initiation import core_bones, fit_body, is_of_two_views
 
 _MIN_VARIANCE = 1e-10
 """Variance that remains of a reset covariance, in m^2 and rad^2, so that it has an inverse where no time has passed."""
@@ -34,8 +39,6 @@ _MIN_CONFIDENCE = 0.5
 class ProcessNoisePrior:
     """Prior of process noise alone: the prediction is certain up to the process noise since the last update."""
 
-    smoothable = False
-
     def prepare(self, state: State, recent: RecentHistory) -> None:
         """Reset the covariance of the tracks that the last frame updated; that of the others keeps growing."""
         size = state.covariance.shape[1]
@@ -44,6 +47,31 @@ class ProcessNoisePrior:
             certain = np.full(size, _MIN_VARIANCE)
             certain[n : n + h] *= float(state.free[p] != 0)
             state.covariance[p] = np.diag(certain)
+
+    def open_shape(self, state: State, rows: np.ndarray, settings: TrackerSettings) -> np.ndarray | None:
+        """Give the lengths of matched bodies the prior from which an update computes their step.
+
+        The squared distances from the predicted lengths and, with weight lambda_beta, from those of all people, both in
+        units of the tree's covariance, sum to one quadratic form.
+        """
+        options, tree = settings.options.specification, settings.tree
+        if options.shape_gain is None:
+            return None
+        n, h, weight = tree.n_pose, tree.n_shape, options.shape_weight
+        before = np.full_like(state.shape, np.nan)
+        for p in np.flatnonzero((state.free != 0) & (rows >= 0).any(axis=1)):
+            before[p] = state.shape[p]
+            state.shape[p] = (before[p] + weight * tree.shape_m) / (1.0 + weight)
+            state.covariance[p, n : n + h] = 0.0
+            state.covariance[p, :, n : n + h] = 0.0
+            state.covariance[p, n : n + h, n : n + h] = tree.shape_covariance / (1.0 + weight)
+        return before
+
+    def close_shape(self, before: np.ndarray | None, state: State, settings: TrackerSettings) -> None:
+        """Apply the fraction eta_beta of the step of the lengths."""
+        gain = settings.options.specification.shape_gain
+        if before is not None and gain is not None:
+            state.shape[:] = np.where(np.isfinite(before), before + gain * (state.shape - before), state.shape)
 
 
 class RecursiveNoise:
@@ -110,11 +138,14 @@ class WeightedScore:
         o = settings.options.specification
         off = frame.keypoints_px[None] - projected.pixels[:, frame.view]
         squared = (off**2).sum(axis=-1) / noise.variance_px2(projected, frame, recent, settings)
-        common = np.isfinite(squared) & _is_usable(frame.confidence, settings)
-        squared, count = np.where(common, squared, 0.0).sum(axis=-1), common.sum(axis=-1)
+        weights = joint_weights(settings)
+        common = np.isfinite(squared) & _is_usable(frame.confidence, settings) & (weights > 0.0)
+        squared = np.where(common, weights * np.where(common, squared, 0.0), 0.0).sum(axis=-1)
+        count, total = common.sum(axis=-1), np.where(common, weights, 0.0).sum(axis=-1)
         ids = recent.detector_ids[:, frame.view]
         cost = squared - o.id_bonus * ((ids == frame.track_ids) & (frame.track_ids >= 0))
-        near = (count >= settings.options.min_joints) & (squared <= o.match_gate * count)
+        enough = count >= min(settings.options.min_joints, int((weights > 0.0).sum()))
+        near = enough & (squared <= o.match_gate * total)
         swapped = np.zeros((*cost.shape, settings.n_groups), dtype=np.int8)
         gain = np.ascontiguousarray(np.where(near, _MATCH_GAIN - cost, -np.inf))
         return MatchScores(gain, 0.0, swapped, np.zeros(swapped.shape), np.zeros(len(frame.view), dtype=bool))
@@ -168,20 +199,23 @@ class PelvisDistance:
     """Squared normalized distances between pelvises, and between core keypoints relative to them."""
 
     def merge(self, observations: list[Observation], settings: TrackerSettings) -> list[Observation]:
-        """Merge each cluster of proposals, by single linkage, into its centroid."""
-        if len(observations) < 2:
+        """Merge each cluster of proposals, by single linkage, into its centroid; clusters of pairs are merged."""
+        o = settings.options.specification
+        if len(observations) < 2 or o.pair_proposals:
             return observations
-        points = np.stack([each.points_m for each in observations])
-        near = proposal_distance(points[:, None], points[None], settings) <= settings.options.specification.cluster_gate
+        poses = _poses(observations, settings)
+        near = proposal_distance(poses[:, None], poses[None], o) <= o.cluster_gate
         labels = connected_components(near, directed=False)[1]
         return [
             _centroid([observations[i] for i in np.flatnonzero(labels == n)]) for n in dict.fromkeys(labels.tolist())
         ]
 
-    def distance(self, last: Observation, new: Observation, settings: TrackerSettings) -> float:
-        """Return d_prop; inf beyond the gate."""
-        distance = float(proposal_distance(last.points_m, new.points_m, settings))
-        return distance if distance <= settings.options.specification.cluster_gate else math.inf
+    def distance(self, track: TentativeTrack, new: Observation, settings: TrackerSettings) -> float:
+        """Return d_prop from the tentative track's prediction; inf beyond the gate."""
+        o = settings.options.specification
+        state = tentative_state(buffer_of(track, settings), new.time_s, settings)
+        distance = float(proposal_distance(state.poses, _poses([new], settings)[0], o))
+        return distance if distance <= o.cluster_gate else math.inf
 
     def find_lost(
         self,
@@ -195,40 +229,104 @@ class PelvisDistance:
     ) -> Reidentification | None:
         """Find the lost track with the smallest C_reacq between its prediction and the proposal."""
         lost = [p for p, track in enumerate(tracks) if track.state == TrackState.LOST]
-        if not lost:
+        cost = reacquisition_cost(state, lost, [observation], settings)
+        if not lost or not cost.min() <= settings.options.specification.reacquire_gate:
             return None
-        distance = proposal_distance(_projected(state, settings).points_m[lost], observation.points_m, settings)
-        best = int(np.argmin(distance))
-        if not distance[best] <= settings.options.specification.reacquire_gate:
-            return None
-        lost_s = time_s - tracks[lost[best]].last_seen_s
-        return Reidentification(
-            lost[best], f"C_reacq {distance[best]:.1f} from the predicted position after {lost_s:.1f} s"
-        )
+        best = int(np.argmin(cost[:, 0]))
+        return Reidentification(lost[best], _reason(cost[best, 0], tracks[lost[best]], time_s))
+
+    def find_reacquired(
+        self, tracks: list[Track], state: State, observations: list[Observation], settings: TrackerSettings
+    ) -> list[tuple[Reidentification, Observation]]:
+        """Find pairs of a lost track and a proposal, those with the smallest C_reacq first, each at most once."""
+        o = settings.options.specification
+        lost = [p for p, track in enumerate(tracks) if track.state == TrackState.LOST]
+        if not o.same_frame_reacquisition or not lost or not observations:
+            return []
+        cost = reacquisition_cost(state, lost, observations, settings)
+        found = []
+        for i, j in zip(*np.unravel_index(np.argsort(cost, axis=None, kind="stable"), cost.shape), strict=True):
+            best = cost[i, j]
+            if not best <= o.reacquire_gate:
+                break
+            if best == np.nanmin(cost[i]) and best == np.nanmin(cost[:, j]):
+                reason = _reason(best, tracks[lost[i]], observations[j].time_s)
+                found.append((Reidentification(lost[i], reason), observations[j]))
+                cost[i], cost[:, j] = np.inf, np.inf
+        return found
 
 
-STRATEGY = Strategy(ProcessNoisePrior(), RecursiveNoise(), WeightedScore(), PelvisDistance())
+class CoreBody:
+    """Bone lengths by weighted medians over the buffer, and a pose of the core keypoints."""
+
+    def fit(self, track: TentativeTrack, settings: TrackerSettings) -> tuple[State, list[PastState], float]:
+        """Fit a body to the buffer of a tentative track."""
+        if not settings.options.specification.promotion_fit:
+            return fit_body(track.observations, settings)
+        return fit_first_body(buffer_of(track, settings), settings)
 
 
-def proposal_distance(one_m: np.ndarray, other_m: np.ndarray, settings: TrackerSettings) -> np.ndarray:
-    """Return d_prop and C_reacq: |r - r'|^2 / tau_r^2 + lambda_Z sum |Z - Z'|^2 / tau_Z^2.
+def configure(settings: TrackerSettings) -> TrackerSettings:
+    """Return the settings with the strategy's rules of termination, and without a smoother.
 
-    Args:
-        one_m: shape (..., keypoint, 3), NaN where missing.
-        other_m: shape (..., keypoint, 3), broadcast against ``one_m``.
-        settings: Settings of the tracker.
+    The covariances of the strategy do not allow a smoother to use later frames.
 
-    Returns:
-        shape (...), dimensionless; the sum is over the core keypoints that both have, inf where there are none.
+    Raises:
+        OptionsError: If a joint weight is of a keypoint that the skeleton lacks.
     """
-    o = settings.options.specification
-    roots = [_pelvis(points, settings) for points in (one_m, other_m)]
-    one, other = (points[..., settings.core, :] - root for points, root in zip((one_m, other_m), roots, strict=True))
-    squared = ((one - other) ** 2).sum(axis=-1)
-    moved = ((roots[0] - roots[1])[..., 0, :] ** 2).sum(axis=-1)
-    shapes = np.where(np.isfinite(squared), squared, 0.0).sum(axis=-1)
-    total = moved / o.tau_root_m**2 + o.core_weight * shapes / o.tau_core_m**2
-    return np.where(np.isfinite(squared).any(axis=-1), total, np.inf)
+    options, o = settings.options, settings.options.specification
+    unknown = [name for name in o.weight_of_joint if name not in settings.skeleton.keypoints]
+    if unknown:
+        raise OptionsError(
+            f"tracker.specification.joint_weights names {unknown[0]!r}, which is no keypoint of the skeleton "
+            f"{settings.skeleton.name!r}. Its keypoints: {choices(settings.skeleton.keypoints, 30)}."
+        )
+    beyond_m, outside_s = options.terminate_beyond_m, options.terminate_outside_after_s
+    if beyond_m is None and o.terminate_variance_m2 is not None:
+        beyond_m = math.sqrt(o.terminate_variance_m2)
+    outside_s = o.terminate_outside_after_s if outside_s is None else outside_s
+    options = replace(options, smoother="none", terminate_beyond_m=beyond_m, terminate_outside_after_s=outside_s)
+    return replace(settings, options=options)
+
+
+STRATEGY = Strategy(
+    ProcessNoisePrior(), RecursiveNoise(), WeightedScore(), PelvisDistance(), TwistMotion(), CoreBody(), configure
+)
+
+
+def joint_weights(settings: TrackerSettings) -> np.ndarray:
+    """Return the weights of keypoints in the matching cost, shape (keypoint,), 0 where a keypoint does not count."""
+    options = settings.options.specification
+    weights = np.ones(len(settings.skeleton))
+    if options.core_matching:
+        weights[:] = 0.0
+        weights[settings.core] = 1.0
+    for name, weight in options.weight_of_joint.items():
+        weights[settings.skeleton.index(name)] *= weight
+    return weights
+
+
+def reacquisition_cost(
+    state: State, lost: list[int], observations: list[Observation], settings: TrackerSettings
+) -> np.ndarray:
+    """Return C_reacq between predicted lost tracks and proposals, shape (lost, observation).
+
+    It has the scales tau_r and tau_Z alone: with the covariance of a track that was lost for long, any proposal would
+    be close to it.
+    """
+    options = replace(settings.options.specification, normalized_distance=False)
+    bodies = _projected(state, settings)
+    poses = core_poses(bodies.points_m[lost], bodies.covariance_m2[lost], settings.skeleton)
+    return proposal_distance(poses[:, None], _poses(observations, settings)[None], options)
+
+
+def _poses(observations: list[Observation], settings: TrackerSettings) -> CorePoses:
+    points = np.stack([each.points_m for each in observations])
+    return core_poses(points, np.stack([each.covariance_m2 for each in observations]), settings.skeleton)
+
+
+def _reason(cost: float, track: Track, time_s: float) -> str:
+    return f"C_reacq {cost:.1f} from the predicted position after {time_s - track.last_seen_s:.1f} s"
 
 
 def residuals_px(outcome: FrameOutcome, state: State, settings: TrackerSettings) -> np.ndarray:
@@ -257,8 +355,8 @@ def _is_usable(confidence: np.ndarray, settings: TrackerSettings) -> np.ndarray:
 
 
 def _bone_variation(track: TentativeTrack, settings: TrackerSettings) -> float:
-    """Return the median coefficient of variation of core bone lengths; 0 for a single frame."""
-    lengths, _ = core_bones(track, settings)
+    """Return the median coefficient of variation of core bone lengths in the buffer; 0 for a single frame."""
+    lengths, _ = core_bones(TentativeTrack(track.number, buffer_of(track, settings)), settings)
     if not lengths.size:
         return 0.0
     return float(np.median(np.nanstd(lengths, axis=0, ddof=1) / np.nanmean(lengths, axis=0)))
@@ -269,18 +367,6 @@ def _mean_sigma(off_px: np.ndarray, outcome: FrameOutcome, settings: TrackerSett
     counted = outcome.used & np.isfinite(off_px)
     relative = np.where(counted, off_px, 0.0) / settings.law.scale_px[:, None]
     return relative.sum(axis=(1, 2)) / np.maximum(counted.sum(axis=(1, 2)), 1)
-
-
-def _pelvis(points_m: np.ndarray, settings: TrackerSettings) -> np.ndarray:
-    """Return the keypoint at the tree's root, shape (..., 1, 3), or the center of the core where there is none."""
-    core = points_m[..., settings.core, :]
-    finite = np.isfinite(core)
-    center = np.where(finite, core, 0.0).sum(axis=-2, keepdims=True) / np.maximum(finite.sum(axis=-2, keepdims=True), 1)
-    root = np.flatnonzero(settings.tree.keypoint_nodes == 0)
-    if not len(root):
-        return center
-    own = points_m[..., root[:1], :]
-    return np.where(np.isfinite(own), own, center)
 
 
 def _centroid(proposals: list[Observation]) -> Observation:

@@ -4,12 +4,12 @@ import math
 import pickle
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from posefuse.errors import OptionsError
 from posefuse.kernels.tracking.predict import predict_people
@@ -27,11 +27,10 @@ from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.body_states import ProjectedBodies
-from posefuse.tracking.lifecycle import LifecycleThresholds, new_track
+from posefuse.tracking.lifecycle import LifecycleThresholds, new_track, tracks_to_terminate
 from posefuse.tracking.records import Observation, People, RecentHistory, TentativeTrack, Track
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.strategies import default, specification
-from posefuse.tracking.strategies.specification import proposal_distance
 from posefuse.tracking.strategy import FrameOutcome
 from posefuse.tracking.track_initiation import update_by_observation
 from posefuse.tracking.tracker import ArticulatedTracker
@@ -47,6 +46,7 @@ SETTINGS = TrackerSettings.of(
 )
 SEED = SETTINGS.options.specification
 TREE = SETTINGS.tree
+CORE = SETTINGS.core
 
 
 def standing(x_m: float = 0.0, y_m: float = 0.0) -> State:
@@ -186,7 +186,7 @@ def test_match_gain_is_the_bonus_minus_squared_residuals() -> None:
         match(project_state(state), outcome_with_offset(state, off).frame, recent, STRATEGY.noise, SETTINGS).gain[0]
         for off in (5.0, 10.0)
     )
-    np.testing.assert_allclose(near - far, KEYPOINTS * (10.0**2 - 5.0**2) / SIGMA_PX**2, rtol=1e-6)
+    np.testing.assert_allclose(near - far, len(CORE) * (10.0**2 - 5.0**2) / SIGMA_PX**2, rtol=1e-6)
     recent.detector_ids[:] = 7
     frame = replace(outcome_with_offset(state, 5.0).frame, track_ids=np.full(VIEWS, 7))
     reference = match(project_state(state), frame, recent, STRATEGY.noise, SETTINGS).gain[0]
@@ -242,51 +242,180 @@ def test_varying_bones_lower_the_score() -> None:
     assert scores[0] - scores[1] == pytest.approx((1 - keep) * SEED.bones_weight * variation, rel=1e-6)
 
 
-def test_distance_of_the_pelvis_and_of_the_core() -> None:
-    points = project_state(standing()).points_m[0]
-    assert proposal_distance(points, points, SETTINGS) == pytest.approx(0.0, abs=1e-12)
-    moved = points + np.array([SEED.tau_root_m, 0.0, 0.0])
-    assert proposal_distance(points, moved, SETTINGS) == pytest.approx(1.0, rel=1e-9)
-    bent = points.copy()
-    bent[SKELETON.index("left_wrist")] += np.array([0.0, 2.0 * SEED.tau_core_m, 0.0])
-    assert proposal_distance(points, bent, SETTINGS) == pytest.approx(4.0 * SEED.core_weight, rel=1e-9)
-    assert proposal_distance(points, np.full_like(points, np.nan), SETTINGS) == np.inf
+def settings_with(**changed: Any) -> TrackerSettings:
+    """Return the settings with other options of the strategy."""
+    options = TrackerOptions(strategy="specification", specification=replace(SEED, **changed))
+    return TrackerSettings.of(RIG, SKELETON, SETTINGS.noise, options)
 
 
-@given(st.integers(0, 10_000))
-def test_distance_is_symmetric_and_invariant(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    one = project_state(standing()).points_m[0] + 0.05 * rng.standard_normal((KEYPOINTS, 3))
-    other = one + 0.1 * rng.standard_normal((KEYPOINTS, 3))
-    turn, shift = Rotation.random(rng=rng), rng.uniform(-3.0, 3.0, 3)
-    apart = float(proposal_distance(one, other, SETTINGS))
-    assert proposal_distance(other, one, SETTINGS) == pytest.approx(apart, rel=1e-9)
-    one, other = turn.apply(one) + shift, turn.apply(other) + shift
-    assert proposal_distance(one, other, SETTINGS) == pytest.approx(apart, rel=1e-6)
-
-
-def test_close_proposals_merge_at_their_centroid() -> None:
+def test_close_groups_merge_at_their_centroid() -> None:
+    """Without pair proposals, groups of detections are clustered; with them, clusters of pairs stay as they are."""
     points = project_state(standing()).points_m[0]
     aside = np.array([0.1, 0.0, 0.0])
     near = [proposal(points, n_pairs=2), proposal(points + aside, n_pairs=3, log_odds=2.0)]
     far = proposal(points + np.array([3.0, 0.0, 0.0]))
-    merged = STRATEGY.distance.merge([*near, far], SETTINGS)
+    merged = STRATEGY.distance.merge([*near, far], settings_with(pair_proposals=False))
     assert [each.n_pairs for each in merged] == [5, 1]
     np.testing.assert_allclose(merged[0].points_m, points + 0.5 * aside, atol=1e-12)
     assert merged[0].log_odds == 2.0
+    assert len(STRATEGY.distance.merge([*near, far], SETTINGS)) == 3
     assert len(default.STRATEGY.distance.merge([*near, far], SETTINGS)) == 3
 
 
-def test_lost_track_is_found_close_to_its_prediction() -> None:
+def test_core_matching_ignores_other_keypoints() -> None:
+    state, recent = standing(), unknown()
+    pixels = project_state(state).pixels[0].copy()
+    outside = np.setdiff1d(np.arange(KEYPOINTS), CORE)
+    pixels[:, outside] += 30.0
+    frame = frame_of(pixels)
+    of_core, of_all = (
+        STRATEGY.score.match(project_state(state), frame, recent, STRATEGY.noise, settings).gain[0]
+        for settings in (SETTINGS, settings_with(core_matching=False))
+    )
+    np.testing.assert_allclose(of_core - of_all, len(outside) * 2 * 30.0**2 / SIGMA_PX**2, rtol=1e-6)
+
+
+def test_joint_weights_scale_the_terms_of_the_cost() -> None:
+    """The naive sum over core keypoints of delta omega |u - u'|^2 / sigma^2."""
+    state, recent = standing(), unknown()
+    rng = np.random.default_rng(3)
+    frame = frame_of(project_state(state).pixels[0] + rng.uniform(-8.0, 8.0, (VIEWS, KEYPOINTS, 2)))
+    weights = {"left_hip": 0.25, "right_wrist": 3.0, "left_knee": 0.0}
+    settings = settings_with(joint_weights=tuple(f"{name}={weight}" for name, weight in weights.items()))
+    gain = STRATEGY.score.match(project_state(state), frame, recent, STRATEGY.noise, settings).gain[0]
+    projected = project_state(state).pixels[0]
+    for v in range(VIEWS):
+        cost = 0.0
+        for k in CORE:
+            off = frame.keypoints_px[v, k] - projected[v, k]
+            cost += weights.get(SKELETON.keypoints[k], 1.0) * float(off @ off) / SIGMA_PX**2
+        assert specification._MATCH_GAIN - gain[v] == pytest.approx(cost, rel=1e-6)
+
+
+def test_joint_weight_of_an_unknown_keypoint_names_the_keypoints() -> None:
+    with pytest.raises(OptionsError, match="joint_weights names 'hip', which is no keypoint of the skeleton 'body_20'"):
+        STRATEGY.configure(settings_with(joint_weights=("hip=1",)))
+    with pytest.raises(OptionsError, match="finite weights of at least 0, got left_hip=-1.0"):
+        replace(SEED, joint_weights=("left_hip=-1",))
+
+
+def test_moving_person_continues_only_with_velocities() -> None:
+    """A tentative track at 2 m/s that is not seen for 0.5 s is 1 m from its last observation."""
+    points, velocity = project_state(standing()).points_m[0], np.array([2.0, 0.0, 0.0])
+    track = TentativeTrack(1, [proposal(points + t * velocity, t) for t in np.arange(0.0, 0.41, 0.04)])
+    new = proposal(points + 0.9 * velocity, 0.9)
+    assert STRATEGY.distance.distance(track, new, SETTINGS) < 0.5
+    assert STRATEGY.distance.distance(track, new, settings_with(tentative_motion=False)) == math.inf
+
+
+def lost_and_found(aside_m: float) -> tuple[list[Track], State, Observation]:
     state, track = standing(), tracked_person()
-    observed = proposal(project_state(state).points_m[0] + np.array([0.2, 0.0, 0.0]), 1.0)
-    assert STRATEGY.distance.find_lost([track], state, state, observed, 1.0, 1.0, SETTINGS) is None
     track.state = TrackState.LOST
-    actual = STRATEGY.distance.find_lost([track], state, state, observed, 1.0, 1.0, SETTINGS)
+    observed = proposal(project_state(state).points_m[0] + np.array([aside_m, 0.0, 0.0]), 1.0)
+    return [track], state, observed
+
+
+def test_cost_of_reacquisition_is_that_of_the_equation() -> None:
+    rng = np.random.default_rng(5)
+    (_, state, observed), pelvis = lost_and_found(0.0), SKELETON.index("mid_hip")
+    observed = replace(observed, points_m=observed.points_m + 0.1 * rng.standard_normal((KEYPOINTS, 3)))
+    predicted = project_state(state).points_m[0]
+    expected = float(((observed.points_m[pelvis] - predicted[pelvis]) ** 2).sum()) / SEED.tau_root_m**2
+    for k in CORE:
+        theirs, mine = observed.points_m[k] - observed.points_m[pelvis], predicted[k] - predicted[pelvis]
+        expected += SEED.core_weight * float(((theirs - mine) ** 2).sum()) / SEED.tau_core_m**2
+    for settings in (SETTINGS, settings_with(normalized_distance=True)):
+        cost = specification.reacquisition_cost(state, [0], [observed], settings)
+        assert cost[0, 0] == pytest.approx(expected, rel=1e-9)
+
+
+def test_lost_track_is_found_close_to_its_prediction() -> None:
+    (tracks, state, observed) = lost_and_found(0.2)
+    actual = STRATEGY.distance.find_lost(tracks, state, state, observed, 1.0, 1.0, SETTINGS)
     assert actual is not None
     assert actual.track == 0
     elsewhere = replace(observed, points_m=observed.points_m + np.array([0.0, 2.0, 0.0]))
-    assert STRATEGY.distance.find_lost([track], state, state, elsewhere, 1.0, 1.0, SETTINGS) is None
+    assert STRATEGY.distance.find_lost(tracks, state, state, elsewhere, 1.0, 1.0, SETTINGS) is None
+    tracks[0].state = TrackState.ACTIVE
+    assert STRATEGY.distance.find_lost(tracks, state, state, observed, 1.0, 1.0, SETTINGS) is None
+
+
+def test_each_lost_track_is_reacquired_by_its_best_proposal() -> None:
+    tracks, state, near = lost_and_found(0.1)
+    nearer = replace(near, points_m=near.points_m - np.array([0.05, 0.0, 0.0]))
+    far = replace(near, points_m=near.points_m + np.array([0.0, 2.0, 0.0]))
+    found = STRATEGY.distance.find_reacquired(tracks, state, [near, far, nearer], SETTINGS)
+    assert [(match.track, each is nearer) for match, each in found] == [(0, True)]
+    assert not STRATEGY.distance.find_reacquired(tracks, state, [far], SETTINGS)
+    off = settings_with(same_frame_reacquisition=False)
+    assert not STRATEGY.distance.find_reacquired(tracks, state, [near], off)
+    assert not default.STRATEGY.distance.find_reacquired(tracks, state, [near], SETTINGS)
+
+
+def updated_shape(settings: TrackerSettings, update_m: float) -> np.ndarray:
+    """Return the change of the lengths by an update that moves all of them from the prior's mean."""
+    state = standing()
+    state.shape[:] += 0.02
+    before = state.shape.copy()
+    opened = STRATEGY.prior.open_shape(state, np.array([[0, -1, -1, -1]]), settings)
+    state.shape[:] += update_m
+    STRATEGY.prior.close_shape(opened, state, settings)
+    return (state.shape - before)[0]
+
+
+def test_lengths_move_by_a_fraction_of_the_step() -> None:
+    """The step starts at the minimum of |b - b'|^2 + lambda |b - b0|^2 in units of the tree's covariance."""
+    for weight, gain in ((1.0, 0.1), (3.0, 0.5)):
+        settings = settings_with(shape_weight=weight, shape_gain=gain)
+        step = 0.01 - 0.02 * weight / (1.0 + weight)
+        np.testing.assert_allclose(updated_shape(settings, 0.01), gain * step, rtol=1e-9)
+    np.testing.assert_allclose(updated_shape(settings_with(shape_gain=None), 0.01), 0.01, rtol=1e-9)
+
+
+def test_lengths_stay_without_a_detection_and_when_fixed() -> None:
+    state = standing()
+    before = state.shape.copy()
+    assert np.isnan(STRATEGY.prior.open_shape(state, np.full((1, VIEWS), -1), SETTINGS)).all()
+    state.free[0] = 0
+    assert np.isnan(STRATEGY.prior.open_shape(state, np.zeros((1, VIEWS), dtype=np.int64), SETTINGS)).all()
+    np.testing.assert_array_equal(state.shape, before)
+
+
+def test_tracks_are_terminated_by_variance_and_volume_by_default() -> None:
+    configured = STRATEGY.configure(SETTINGS).options
+    assert configured.terminate_beyond_m == pytest.approx(math.sqrt(SEED.terminate_variance_m2 or 0.0))
+    assert configured.terminate_outside_after_s == SEED.terminate_outside_after_s == 1.0
+    off = STRATEGY.configure(settings_with(terminate_variance_m2=None, terminate_outside_after_s=None)).options
+    assert off.terminate_beyond_m is off.terminate_outside_after_s is None
+    own = replace(SETTINGS, options=replace(SETTINGS.options, terminate_beyond_m=0.5, terminate_outside_after_s=7.0))
+    assert STRATEGY.configure(own).options.terminate_beyond_m == 0.5
+    assert STRATEGY.configure(own).options.terminate_outside_after_s == 7.0
+    assert default.STRATEGY.configure(SETTINGS) is SETTINGS
+
+
+def test_lost_track_ends_once_the_trace_of_its_covariance_is_large() -> None:
+    """tr(P) of the root, against a threshold in m^2."""
+    state, track = standing(), tracked_person()
+    track.state, track.established = TrackState.LOST, True
+    track.last_seen_s = track.last_inside_s = 0.9
+    options = STRATEGY.configure(settings_with(terminate_variance_m2=4.0))
+    for trace_m2, ends in ((3.9, False), (4.1, True)):
+        state.covariance[0, :3, :3] = np.eye(3) * trace_m2 / 3.0
+        assert (tracks_to_terminate([track], state, 1.0, options) != {}) == ends
+    off = STRATEGY.configure(settings_with(terminate_variance_m2=None, terminate_outside_after_s=None))
+    assert not tracks_to_terminate([track], state, 1.0, off)
+
+
+def test_lost_track_ends_outside_the_volume() -> None:
+    state, track = standing(), tracked_person()
+    track.state, track.established = TrackState.LOST, True
+    track.last_seen_s, track.last_inside_s = 2.0, 1.5
+    state.covariance[0, :3, :3] = 0.0
+    options = STRATEGY.configure(SETTINGS)
+    assert not tracks_to_terminate([track], state, 2.4, options)
+    assert tracks_to_terminate([track], state, 2.6, options)
+    off = STRATEGY.configure(settings_with(terminate_outside_after_s=None))
+    assert not tracks_to_terminate([track], state, 2.6, off)
 
 
 @pytest.fixture(scope="module")
@@ -319,8 +448,9 @@ def test_simple_crowd_is_tracked(scene: CrowdScene) -> None:
         points = np.stack([people[name] for people in results[n // 2 :]])
         off = np.nanmean(np.linalg.norm(points[:, None] - truth[n // 2 :], axis=-1), axis=-1)
         owners.append(int(off.mean(axis=0).argmin()))
-        assert off[:, owners[-1]].max() < 0.25
-        assert off[:, owners[-1]].mean() < 0.1
+        # Velocities that persist overshoot: without them, the errors are half as large.
+        assert off[:, owners[-1]].max() < 0.35
+        assert off[:, owners[-1]].mean() < 0.15
     assert sorted(owners) == list(range(truth.shape[1]))
 
 
@@ -347,6 +477,9 @@ def test_lengths_are_in_proportion_to_bodies() -> None:
     small = TrackerOptions().in_proportion(0.1).specification
     assert small.tau_root_m == pytest.approx(0.1 * SEED.tau_root_m)
     assert small.tau_core_m == pytest.approx(0.1 * SEED.tau_core_m)
+    assert small.core_fit_sd_m == pytest.approx(0.1 * SEED.core_fit_sd_m)
+    assert small.terminate_variance_m2 == pytest.approx(0.01 * (SEED.terminate_variance_m2 or 0.0))
+    assert small.tentative_speed_m_s == pytest.approx(0.1 ** (2.0 / 3.0) * SEED.tentative_speed_m_s)
     assert small.match_gate == SEED.match_gate
 
 
