@@ -21,6 +21,7 @@ from posefuse.io.results.registry import RESULTS
 from posefuse.model.options.aliases import RENAMED
 from posefuse.model.options.catalog import options_by_name
 from posefuse.model.options.options import Options
+from posefuse.model.options.specification import SpecificationOptions
 from posefuse.model.options.triangulation import METHODS
 from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.report.plots.registry import PLOT_NAMES
@@ -104,7 +105,7 @@ def test_options_page_is_generated_from_the_records() -> None:
     script = runpy.run_path(str(ROOT / "scripts" / "options_page.py"))
     page = (ROOT / "docs" / "options.md").read_text()
     assert page == script["render"](), "run python scripts/options_page.py"
-    listed = re.findall(r"(?m)^\| `([a-z_.]+)`", page)
+    listed = re.findall(r"(?m)^\| `([a-z0-9_.]+)`", page)
     assert sorted(listed) == sorted(option_names(Options(), ""))
 
 
@@ -118,6 +119,13 @@ def test_options_that_replace_symbols_exist() -> None:
     assert len(listed) > 30
     elsewhere = {"plausible_m", "spread", "size_spread"}
     assert {name for name in listed if not {name, f"tracker.{name}"} & names} == elsewhere
+
+
+def test_options_of_the_specification_are_listed_with_their_symbols() -> None:
+    page = (ROOT / "docs" / "methods" / "specification.md").read_text()
+    table = page.split("| symbol or term |")[1].split("\n\n")[0]
+    listed = re.findall(r"`([a-z0-9_]+)`", " ".join(row.split(" | ")[1] for row in table.splitlines()[2:]))
+    assert sorted(listed) == sorted(option_names(SpecificationOptions(), ""))
 
 
 def option_names(record: object, prefix: str) -> Iterator[str]:

@@ -222,7 +222,7 @@ def _claims(
     """Assign each detection to the largest cluster that contains it, one per view.
 
     Returns:
-        Rows, shape (person, view); the pairs of each cluster whose detections are assigned to it; and detections of
+        Rows, shape (person, view); the pairs of each cluster with detections assigned to it; and detections of
         the same view and cluster that are not, shape (duplicate, 2).
     """
     claimed = np.zeros(len(detections.rows), dtype=bool)

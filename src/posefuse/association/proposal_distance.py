@@ -44,7 +44,7 @@ def core_poses(points_m: np.ndarray, covariance_m2: np.ndarray, skeleton: Skelet
         skeleton: Skeleton of the keypoints.
     """
     core, spread = points_m[..., skeleton.core_indices, :], full(covariance_m2)[..., skeleton.core_indices, :, :]
-    finite = np.isfinite(core).all(axis=-1)
+    finite = np.asarray(np.isfinite(core).all(axis=-1))
     count = np.maximum(finite.sum(axis=-1), 1)[..., None]
     root = np.where(finite[..., None], core, 0.0).sum(axis=-2) / count
     root_spread = np.where(finite[..., None, None], spread, 0.0).sum(axis=-3) / count[..., None] ** 2
@@ -53,7 +53,7 @@ def core_poses(points_m: np.ndarray, covariance_m2: np.ndarray, skeleton: Skelet
         node = np.flatnonzero(skeleton.tree.keypoint_nodes == 0)
     if len(node):
         pelvis = points_m[..., node[0], :]
-        shown = np.isfinite(pelvis).all(axis=-1)[..., None]
+        shown = np.asarray(np.isfinite(pelvis).all(axis=-1))[..., None]
         root = np.where(shown, pelvis, root)
         root_spread = np.where(shown[..., None], full(covariance_m2)[..., node[0], :, :], root_spread)
     return CorePoses(root, root_spread, core - root[..., None, :], spread + root_spread[..., None, :, :])
@@ -87,7 +87,7 @@ def _squared(difference: np.ndarray, covariance: np.ndarray, tau_m: float) -> np
     """Return squared distances in units of tau and a covariance, shape (...); NaN where a difference is unknown."""
     if not covariance.ndim:
         return (difference**2).sum(axis=-1) / tau_m**2
-    known = np.isfinite(difference).all(axis=-1) & np.isfinite(covariance).all(axis=(-2, -1))
+    known = np.asarray(np.isfinite(difference).all(axis=-1) & np.isfinite(covariance).all(axis=(-2, -1)))
     matrix = np.where(known[..., None, None], covariance, 0.0) + tau_m**2 * np.eye(3)
     vector = np.where(known[..., None], difference, 0.0)
     squared = (vector * np.linalg.solve(matrix, vector[..., None])[..., 0]).sum(axis=-1)

@@ -70,8 +70,8 @@ def test_distance_does_not_depend_on_the_world_axes(seed: int) -> None:
     pairs = [person(rng), person(rng)]
     matrix = turn.as_matrix()
     turned = [(turn.apply(points) + shift, six(matrix @ full(spread) @ matrix.T)) for points, spread in pairs]
-    apart = proposal_distance(*(poses(each) for each in pairs), NORMALIZED)
-    assert proposal_distance(*(poses(each) for each in turned), NORMALIZED) == pytest.approx(float(apart), rel=1e-6)
+    apart, same = (proposal_distance(poses(a), poses(b), NORMALIZED) for a, b in (pairs, turned))
+    assert same == pytest.approx(float(apart), rel=1e-6)
 
 
 def test_uncertain_depth_counts_less_only_if_normalized(rng: np.random.Generator) -> None:

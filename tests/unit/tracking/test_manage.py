@@ -1,6 +1,7 @@
 """Coincidences of two views are not confirmed, and occluded people keep their tracks."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from posefuse.kernels.tracking.projection import project_people
 from posefuse.kinematics.initial_pose import initial_state
 from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
+from posefuse.model.options.specification import SpecificationOptions
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState
 from posefuse.pipeline.people import default_noise, tracker_of
@@ -26,16 +28,18 @@ DT_S = 0.04
 FIRM_S = 0.6
 
 
-def tracker_with(preset: str = "posefuse") -> ArticulatedTracker:
-    options = Options(tracker=TrackerOptions(strategy=preset))  # pyright: ignore[reportArgumentType]
+def tracker_with(preset: str = "posefuse", **changed: Any) -> ArticulatedTracker:
+    """Return a tracker with a strategy, and with other options of the strategy `specification`."""
+    specification = replace(SpecificationOptions(), **changed)
+    options = Options(tracker=TrackerOptions(strategy=preset, specification=specification))  # pyright: ignore[reportArgumentType]
     return tracker_of(RIG, SKELETON, default_noise(RIG, options), options)
 
 
-def standing_px(tracker: ArticulatedTracker) -> np.ndarray:
-    """Return the pixels of an upright person in the center, shape (view, keypoint, 2)."""
+def standing_px(tracker: ArticulatedTracker, x_m: float = 0.1) -> np.ndarray:
+    """Return the pixels of an upright person close to the center, shape (view, keypoint, 2)."""
     tree = tracker.settings.tree
     points = np.full((len(SKELETON), 3), np.nan)
-    points[SKELETON.index("mid_hip")] = [0.1, 0.2, 0.95]
+    points[SKELETON.index("mid_hip")] = [x_m, 0.2, 0.95]
     body = initial_state(tree, points, np.asarray(tree.shape_m), tree.shape_covariance, tracker.settings.options.motion)
     projected = ProjectedBodies.allocate(1, len(RIG), len(SKELETON))
     project_people(tracker.settings.cameras, tracker.settings.body, body, projected.arrays)
@@ -113,6 +117,65 @@ def test_specification_establishes_every_track():
     track_intervals(tracker, [(0.4, EVERY)])
     assert all(track.established for track in tracker.tracks)
     assert tracker.tracks
+
+
+def displaced_after_loss(tracker: ArticulatedTracker) -> list[tuple[int, str, str]]:
+    """Return the events after a person stands still, is not seen for 0.5 s, and appears 0.5 m aside."""
+    results = track_intervals(tracker, [(0.6, EVERY), (0.5, ())])
+    assert [track.state for track in tracker.tracks] == [TrackState.LOST]
+    shown, rng, first = standing_px(tracker, 0.6), np.random.default_rng(1), len(results)
+    found = [tracker.update(frame_of(first + i, shown, EVERY, rng)) for i in range(10)]
+    return [(event.number - first, event.what, event.person) for people in found for event in people.events]
+
+
+def test_specification_reacquires_a_lost_track_by_a_proposal_in_the_same_frame():
+    """Detections 0.5 m from the prediction do not match it; their proposal does."""
+    on = displaced_after_loss(tracker_with("specification", persistent_velocities=False))
+    assert on == [(0, "reacquired", "person_1")]
+    off = tracker_with("specification", persistent_velocities=False, same_frame_reacquisition=False)
+    ((frame, what, person),) = displaced_after_loss(off)
+    assert (what, person) == ("reidentified", "person_1")
+    assert frame >= 3
+    assert [track.name for track in off.tracks] == ["person_1"]
+
+
+@pytest.mark.parametrize("limit_m2", [50.0, None])
+def test_specification_terminates_an_uncertain_lost_track(limit_m2: float | None):
+    """The uncertainty of a velocity that persists exceeds tau_P about 2 s after the last detection."""
+    tracker = tracker_with("specification", terminate_variance_m2=limit_m2, terminate_outside_after_s=None)
+    track_intervals(tracker, [(0.6, EVERY), (3.0, ())])
+    assert len(tracker.tracks) == (limit_m2 is None)
+
+
+def test_specification_terminates_a_lost_track_outside_the_volume():
+    """A predicted person who leaves all images, upward at 4 m/s, is terminated; who stays inside is not."""
+    for after_s, remains in ((1.0, 0), (None, 1)):
+        tracker = tracker_with("specification", terminate_variance_m2=None, terminate_outside_after_s=after_s)
+        track_intervals(tracker, [(0.6, EVERY)])
+        tracker.state.velocity[0] = 0.0
+        tracker.state.velocity[0, 2] = 4.0
+        shown, rng = standing_px(tracker), np.random.default_rng(0)
+        for i in range(100):
+            tracker.update(frame_of(15 + i, shown, (), rng))
+        assert len(tracker.tracks) == remains
+    still = tracker_with("specification", terminate_variance_m2=None)
+    track_intervals(still, [(0.6, EVERY)])
+    still.state.velocity[0] = 0.0
+    for i in range(100):
+        still.update(frame_of(15 + i, standing_px(still), (), np.random.default_rng(0)))
+    assert len(still.tracks) == 1
+
+
+def test_specification_tracks_views_that_differ_in_time():
+    """Motion, lengths and updates also apply where each view has its own time."""
+    tracker, rng = tracker_with("specification"), np.random.default_rng(0)
+    shown = standing_px(tracker)
+    for i in range(30):
+        frame = frame_of(i, shown, EVERY, rng)
+        tracker.update(replace(frame, time_s=frame.time_s + 0.004 * np.arange(len(RIG))))
+    assert [track.state for track in tracker.tracks] == [TrackState.ACTIVE]
+    points = tracker.confirmed.projected(tracker.settings.cameras, tracker.settings).pixels[0]
+    assert np.nanmedian(np.linalg.norm(points - shown, axis=-1)) < 5.0
 
 
 def test_other_detections_occlude_and_own_ones_do_not():

@@ -233,7 +233,7 @@ class PelvisDistance:
         if not lost or not cost.min() <= settings.options.specification.reacquire_gate:
             return None
         best = int(np.argmin(cost[:, 0]))
-        return Reidentification(lost[best], _reason(cost[best, 0], tracks[lost[best]], time_s))
+        return Reidentification(lost[best], _reason(float(cost[best, 0]), tracks[lost[best]], time_s))
 
     def find_reacquired(
         self, tracks: list[Track], state: State, observations: list[Observation], settings: TrackerSettings
@@ -246,7 +246,7 @@ class PelvisDistance:
         cost = reacquisition_cost(state, lost, observations, settings)
         found = []
         for i, j in zip(*np.unravel_index(np.argsort(cost, axis=None, kind="stable"), cost.shape), strict=True):
-            best = cost[i, j]
+            best = float(cost[i, j])
             if not best <= o.reacquire_gate:
                 break
             if best == np.nanmin(cost[i]) and best == np.nanmin(cost[:, j]):

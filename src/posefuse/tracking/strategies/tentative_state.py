@@ -76,7 +76,7 @@ def _line(
         covariance_m2: shape (observation, ..., 3, 3).
         speed_m_s: Standard deviation of the prior of the velocity.
     """
-    known = np.isfinite(points_m).all(axis=-1) & np.isfinite(covariance_m2).all(axis=(-2, -1))
+    known = np.asarray(np.isfinite(points_m).all(axis=-1) & np.isfinite(covariance_m2).all(axis=(-2, -1)))
     spread = np.where(known[..., None, None], covariance_m2, np.eye(3)) + _MIN_VARIANCE_M2 * np.eye(3)
     weight = np.where(known[..., None, None], np.linalg.inv(spread), 0.0)
     pull = np.einsum("t...ij,t...j->t...i", weight, np.where(known[..., None], points_m, 0.0))
@@ -87,7 +87,7 @@ def _line(
     information[..., 3:, :3] = information[..., :3, 3:]
     information[..., 3:, 3:] = (steps[..., None] ** 2 * weight).sum(axis=0) + np.eye(3) / speed_m_s**2
     right = np.concatenate([pull.sum(axis=0), (steps * pull).sum(axis=0)], axis=-1)
-    seen = known.any(axis=0)
+    seen = np.asarray(known.any(axis=0))
     covariance = np.linalg.inv(np.where(seen[..., None, None], information, np.eye(6)))
     solved = np.where(seen[..., None], np.einsum("...ij,...j->...i", covariance, right), np.nan)
     return solved[..., :3], solved[..., 3:], np.where(seen[..., None, None], covariance[..., :3, :3], np.nan)
