@@ -210,7 +210,7 @@ def cluster_pairs(pairs: Pairs, skeleton: Skeleton, options: SpecificationOption
     poses = core_poses(pairs.points_m, pairs.covariance_m2, skeleton)
     a, b = np.triu_indices(n, 1)
     near = np.eye(n, dtype=bool)
-    near[a, b] = proposal_distance(poses[a], poses[b], options) <= options.cluster_gate
+    near[a, b] = proposal_distance(poses.select(a), poses.select(b), options) <= options.cluster_gate
     labels = connected_components(near, directed=False)[1]
     clusters = [np.flatnonzero(labels == label) for label in range(int(labels.max()) + 1)]
     return sorted(clusters, key=lambda group: (-len(group), float((pairs.energy[group] / pairs.n_common[group]).min())))

@@ -4,6 +4,7 @@ Source: the specification of the articulated tracker, see docs/methods/specifica
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -28,9 +29,9 @@ class CorePoses:
     core_m: np.ndarray
     core_covariance_m2: np.ndarray
 
-    def __getitem__(self, index: object) -> "CorePoses":
-        """Return some of the poses."""
-        return CorePoses(*(each[index] for each in vars(self).values()))  # type: ignore[index]
+    def select(self, index: Any) -> "CorePoses":
+        """Return some of the poses, or with additional axes, given by an index of their first axes."""
+        return CorePoses(*(each[index] for each in vars(self).values()))
 
 
 def core_poses(points_m: np.ndarray, covariance_m2: np.ndarray, skeleton: Skeleton) -> CorePoses:

@@ -45,7 +45,7 @@ def standing(x_m: float, y_m: float = 0.0) -> np.ndarray:
 
 def frame_of(people: list[np.ndarray], rng: np.random.Generator, sd_px: float = 1.0) -> Frame:
     """Return a frame in which every view shows all people, with noise."""
-    pixels = np.stack([RIG.project(person) for person in people], axis=1)
+    pixels = np.stack([RIG.project(person[None])[0] for person in people], axis=1)
     pixels = pixels + sd_px * rng.standard_normal(pixels.shape)
     confidence = rng.uniform(0.3, 1.0, pixels.shape[:3])
     return Frame.of_people(list(pixels), list(confidence), 0.0)
@@ -205,7 +205,7 @@ def test_covariances_predict_the_scatter_of_points(rng: np.random.Generator) -> 
     squared, person = [], standing(0.2)
     exact = replace(AssociationOptions(), sigma_factor=1.0)
     for _ in range(60):
-        pixels = RIG.project(person)[:, None]
+        pixels = RIG.project(person[None])[0][:, None]
         pixels = pixels + NOISE.scale_px[:, None, None, None] * rng.standard_normal(pixels.shape)
         frame = Frame.of_people(list(pixels), [np.ones((1, len(SKELETON)))] * 4, 0.0)
         free, every = np.ones(4, dtype=bool), np.arange(len(SKELETON))

@@ -204,7 +204,7 @@ class PelvisDistance:
         if len(observations) < 2 or o.pair_proposals:
             return observations
         poses = _poses(observations, settings)
-        near = proposal_distance(poses[:, None], poses[None], o) <= o.cluster_gate
+        near = proposal_distance(poses.select(np.s_[:, None]), poses.select(None), o) <= o.cluster_gate
         labels = connected_components(near, directed=False)[1]
         return [
             _centroid([observations[i] for i in np.flatnonzero(labels == n)]) for n in dict.fromkeys(labels.tolist())
@@ -214,7 +214,7 @@ class PelvisDistance:
         """Return d_prop from the tentative track's prediction; inf beyond the gate."""
         o = settings.options.specification
         state = tentative_state(buffer_of(track, settings), new.time_s, settings)
-        distance = float(proposal_distance(state.poses, _poses([new], settings)[0], o))
+        distance = float(proposal_distance(state.poses, _poses([new], settings).select(0), o))
         return distance if distance <= o.cluster_gate else math.inf
 
     def find_lost(
@@ -317,7 +317,7 @@ def reacquisition_cost(
     options = replace(settings.options.specification, normalized_distance=False)
     bodies = _projected(state, settings)
     poses = core_poses(bodies.points_m[lost], bodies.covariance_m2[lost], settings.skeleton)
-    return proposal_distance(poses[:, None], _poses(observations, settings)[None], options)
+    return proposal_distance(poses.select(np.s_[:, None]), _poses(observations, settings).select(None), options)
 
 
 def _poses(observations: list[Observation], settings: TrackerSettings) -> CorePoses:

@@ -57,7 +57,7 @@ def tentative_state(observations: list[Observation], time_s: float, settings: Tr
     )
     if not options.tentative_motion:
         at_rest = np.zeros_like(poses.core_m[-1])
-        return TentativeState(poses[-1], np.zeros(3), np.where(np.isfinite(poses.core_m[-1]), at_rest, np.nan))
+        return TentativeState(poses.select(-1), np.zeros(3), np.where(np.isfinite(poses.core_m[-1]), at_rest, np.nan))
     since_s = np.array([each.time_s for each in observations]) - time_s
     speed_m_s = options.tentative_speed_m_s
     root, root_velocity, root_spread = _line(since_s, poses.root_m, poses.root_covariance_m2, speed_m_s)

@@ -63,7 +63,7 @@ def observation(time_s: float, points_m: np.ndarray, variance_m2: np.ndarray | f
     covariance = np.zeros((len(SKELETON), 6))
     covariance[:, (0, 3, 5)] = np.broadcast_to(variance_m2, len(SKELETON))[:, None]
     return Observation(
-        time_s, 0, RIG.project(points_m), np.ones(shape), np.arange(len(RIG)), points_m, covariance,
+        time_s, 0, RIG.project(points_m[None])[0], np.ones(shape), np.arange(len(RIG)), points_m, covariance,
         points_m[CORE].mean(axis=0), 1.0, 1.0,
     )  # fmt: skip
 
