@@ -21,7 +21,7 @@ _INTRODUCTION = """\
 * TOML and Python join words by `_`, flags by `-`: `rate_hz` is `--rate-hz`, `triangulation.min_views` is
   `--triangulation.min-views`.
 * Unknown names and values outside the stated range are errors that name the option, its range and its choices. This
-  holds for Python, TOML files and flags alike.
+  holds for Python, TOML files and flags alike. The magnitude of every number other than 0 is from 1e-30 to 1e30.
 * `posefuse COMMAND --help` shows the options marked with a star, `--help-all` shows all of them.
 * An empty default means that the option is not set: the value follows from the files or the recording, or nothing is
   done.

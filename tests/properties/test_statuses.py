@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 
 import posefuse
 from posefuse.errors import DetectionsError
+from posefuse.evaluation.paired_results import only_in_states
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
+from posefuse.model.edits import Drop, Split, Swap
 from posefuse.model.layer_statuses import with_true_statuses
 from posefuse.model.options.alignment import AlignOptions
 from posefuse.model.options.options import Options
@@ -22,6 +24,7 @@ from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.options.triangulation import METHODS, TriangulationOptions
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.status import PointStatus, Source, ViewStatus
+from posefuse.model.tracks import TrackState
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import simulate_crowd
 from tests.properties import examples
@@ -173,6 +176,20 @@ def test_statuses_hold_in_converted_results(stored, tmp_path, form, layer):
         assert violations(points) == {}
         found += int(np.isfinite(points.points_m).all(axis=-1).sum())
     assert found == stored.layers[layer].has_point.sum()
+
+
+@pytest.mark.parametrize(
+    "edit", [Swap(("person_1", "person_2"), 8), Split("person_1", "person_3", 12), Drop("person_2", 4, 9)]
+)
+def test_statuses_hold_after_edits(edit):
+    assert_all_statuses_hold(posefuse.apply_edits(processed(2), [edit]))
+
+
+def test_statuses_hold_in_selected_states():
+    result = processed(2)
+    selected = only_in_states(result, [TrackState.ACTIVE])
+    assert selected.layers["measured"].has_point.sum() < result.layers["measured"].has_point.sum()
+    assert_all_statuses_hold(selected)
 
 
 def test_model_states_how_many_views_support_a_point():

@@ -9,8 +9,9 @@ from posefuse.errors import ResultError, choices
 from posefuse.evaluation.accuracy import Truth, interpolated
 from posefuse.evaluation.matching import is_here
 from posefuse.model.cameras import UpAxis
+from posefuse.model.layer_statuses import with_true_statuses
 from posefuse.model.reconstruction import Reconstruction, unpack_covariance
-from posefuse.model.status import PointStatus, Source
+from posefuse.model.status import PointStatus
 from posefuse.model.tracks import TrackState
 from posefuse.skeleton.skeletons import Skeleton
 
@@ -96,10 +97,8 @@ def only_in_states(result: Reconstruction, states: Collection[TrackState]) -> Re
     out = ~np.isin(np.asarray(result.tracks.state[:]), [int(state) for state in states])
     layers = {}
     for name, layer in result.layers.items():
-        points, covariance = np.array(layer.points_m[:]), np.array(layer.covariance_m2[:])
-        status, source = np.array(layer.status[:]), np.array(layer.source[:])
-        points[out], covariance[out], status[out], source[out] = np.nan, np.nan, PointStatus.ABSENT, Source.NONE
-        layers[name] = replace(layer, points_m=points, covariance_m2=covariance, status=status, source=source)
+        status = np.where(out[..., None], PointStatus.ABSENT, layer.status[:]).astype(np.int8)
+        layers[name] = with_true_statuses(replace(layer.frames(0, result.n_frames), status=status))
     return replace(result, layers=layers)
 
 

@@ -32,7 +32,13 @@ from posefuse.pipeline import solved_layer
 from posefuse.pipeline.defaults import RecordingFacts, cut_time, resolve_method, resolve_options
 from posefuse.pipeline.diagnose import check_recording
 from posefuse.pipeline.measured_layer import measure, partial_note, reconstruct_chunks
-from posefuse.pipeline.people.find_subjects import FindStoredSubjects, FindSubjects, find_subjects, frames_tracked
+from posefuse.pipeline.people.find_subjects import (
+    FindStoredSubjects,
+    FindSubjects,
+    find_subjects,
+    frames_tracked,
+    people_note,
+)
 from posefuse.pipeline.people.trackers import unmodeled_note
 from posefuse.pipeline.plan import Plan
 from posefuse.pipeline.solved_layer import LayerSolver, Postprocess, Step
@@ -151,6 +157,7 @@ def examine(
         notes = (*notes, subjects.note)
     if bodies is not None:
         notes = (*notes, *unmodeled_note(bodies.skeleton))
+    notes = (*notes, *people_note(detections, subjects, options))
     # Noise. Without people, detections that are alone in their views still show what is wrong.
     found = bool(subjects.tracks(0, 0).person_ids)
     if not found:

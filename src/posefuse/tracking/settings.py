@@ -17,6 +17,9 @@ from posefuse.skeleton.skeletons import Skeleton
 from posefuse.skeleton.trees import Tree
 from posefuse.tracking.body_states import body_of
 
+MIN_MEMORY_S = 1e-9
+"""Correlation time that stands for white noise, where it is a divisor."""
+
 # Correlation time of errors for the filter, relative to ``error_memory_s``: a limit for many views and a part that is
 # inversely proportional to the number of views.
 _MANY_VIEWS, _PER_VIEW = 0.62, 1.9
@@ -156,9 +159,9 @@ def tempering_factor(dt_s: np.ndarray, memory_s: float | np.ndarray) -> np.ndarr
 
     Args:
         dt_s: Times between frames, in seconds.
-        memory_s: Correlation time of the errors, in seconds.
+        memory_s: Correlation time of the errors, in seconds; 0 for white noise.
     """
-    return 1.0 / np.tanh(0.5 * np.maximum(dt_s, 1e-6) / memory_s)
+    return 1.0 / np.tanh(0.5 * np.maximum(dt_s, 1e-6) / np.maximum(memory_s, MIN_MEMORY_S))
 
 
 def _groups(skeleton: Skeleton) -> np.ndarray:

@@ -54,8 +54,8 @@ class AlignOptions:
     forward: Forward = "keep"
     forward_m: tuple[float, ...] = option((), lengths=(0, 3), example="[1.0, 0.0, 0.0]")
     preset: Preset = option("none", common=True)
-    height_m: float | None = option(None, above=0.0, example="1.78", common=True)
-    length_m: float | None = option(None, above=0.0, example="0.43")
+    height_m: float | None = option(None, above=0.0, at_most=100.0, example="1.78", common=True)
+    length_m: float | None = option(None, above=0.0, at_most=1e5, example="0.43")
     length_between: tuple[str, ...] = option((), lengths=(0, 2), example='["left_knee", "left_ankle"]')
 
     def __post_init__(self) -> None:

@@ -37,6 +37,10 @@ _UNIT_OF_SUFFIX = {
 """The unit that the end of an option's name stands for; longer endings come first."""
 
 
+MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-30, 1e30
+"""Magnitudes of all numbers other than 0, in any unit: beyond, products would overflow or vanish."""
+
+
 @dataclass(frozen=True)
 class Bounds:
     """What the value of one option, or every element of a tuple of values, must satisfy.
@@ -68,8 +72,7 @@ class Bounds:
     def contain(self, number: float) -> bool:
         """Return whether a number satisfies the bounds; NaN never does."""
         return (
-            not math.isnan(number)
-            and (math.isfinite(number) or (self.infinite and number > 0.0))
+            (_has_usual_magnitude(number) or (self.infinite and number == math.inf))
             and (self.above is None or number > self.above)
             and (self.at_least is None or number >= self.at_least)
             and (self.below is None or number < self.below)
@@ -158,6 +161,17 @@ def check_fields(record: Any, path: str) -> None:
         raise OptionsError(" ".join(problems))
 
 
+def check_no_repetition(values: tuple[str, ...], name: str) -> None:
+    """Check that no value of an option is given twice.
+
+    Raises:
+        OptionsError: if one is.
+    """
+    repeated = sorted({value for value in values if values.count(value) > 1})
+    if repeated:
+        raise OptionsError(f"{name} must not name anything twice, got {choices(repeated)} more than once.")
+
+
 def check_one_of(record: Any, path: str, default: str, other: str) -> None:
     """Check that a field in one unit and the same field in another are not both given.
 
@@ -227,7 +241,7 @@ def _checked(value: Any, hint: Any, bounds: Bounds) -> Any:
     if checked is None:
         allowed = valid_choices(inner, bounds)
         hint_text = f" {_did_you_mean(value, allowed)}" if isinstance(value, str) and allowed else ""
-        raise ValueError(f"{expected_text(inner, bounds)}, got {value!r}.{hint_text}")
+        raise ValueError(f"{expected_text(inner, bounds)}, got {value!r}.{hint_text}{_magnitude_text(value)}")
     return checked
 
 
@@ -240,6 +254,7 @@ def _checked_tuple(value: Any, hint: Any, bounds: Bounds) -> tuple[Any, ...]:
     if wrong:
         allowed = valid_choices(element, bounds)
         hint_text = f" {_did_you_mean(wrong[0], allowed)}" if isinstance(wrong[0], str) and allowed else ""
+        hint_text += _magnitude_text(wrong[0])
         raise ValueError(f"{expected_text(hint, bounds)}, got the element {wrong[0]!r}.{hint_text}")
     if bounds.lengths and len(values) not in bounds.lengths:
         raise ValueError(f"{expected_text(hint, bounds)}, got {len(values)}.")
@@ -281,6 +296,19 @@ def _within(number: Any, bounds: Bounds) -> Any:
 def _did_you_mean(value: str, allowed: tuple[str, ...]) -> str:
     text = suggestion(value, allowed)
     return text if text.startswith("Did") else ""
+
+
+def _has_usual_magnitude(number: float) -> bool:
+    """Return whether products of a number neither overflow nor vanish; false for NaN and infinity."""
+    return number == 0.0 or MIN_MAGNITUDE <= abs(number) <= MAX_MAGNITUDE
+
+
+def _magnitude_text(value: Any) -> str:
+    if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(number := _to_float(value)):
+        return ""
+    if _has_usual_magnitude(number):
+        return ""
+    return f" The magnitude of a number other than 0 must be from {MIN_MAGNITUDE:g} to {MAX_MAGNITUDE:g}."
 
 
 def _lower_text(bounds: Bounds) -> str:

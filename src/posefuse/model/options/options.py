@@ -12,7 +12,7 @@ from posefuse.errors import OptionsError, choices
 from posefuse.model.cameras import UpAxis
 from posefuse.model.options.alignment import AlignOptions
 from posefuse.model.options.association import AssociationOptions
-from posefuse.model.options.bounds import check_fields, option
+from posefuse.model.options.bounds import check_fields, check_no_repetition, option
 from posefuse.model.options.left_right import SideMethod, SideOptions
 from posefuse.model.options.named_numbers import named_numbers
 from posefuse.model.options.noise import NoiseOptions
@@ -139,6 +139,8 @@ class Options:
                 raise OptionsError(
                     f"subject.date_of_birth ({born}) must be before session_start ({start.isoformat()})."
                 )
+        for name in ("person", "cameras", "exclude_camera", "camera_order"):
+            check_no_repetition(getattr(self, name), name)
         both = sorted(set(self.cameras) & set(self.exclude_camera))
         if both:
             raise OptionsError(

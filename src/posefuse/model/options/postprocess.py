@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-from posefuse.errors import OptionsError, choices
-from posefuse.model.options.bounds import check_fields, option
+from posefuse.errors import OptionsError
+from posefuse.model.options.bounds import check_fields, check_no_repetition, option
 
 Fill = Literal["none", "linear", "pchip", "smoother"]
 Filter = Literal["hampel", "median", "butterworth", "savgol", "one_euro", "kalman"]
@@ -147,9 +147,7 @@ class PostprocessOptions:
 
     def __post_init__(self) -> None:
         check_fields(self, "postprocess")
-        repeated = sorted({name for name in self.smooth if self.smooth.count(name) > 1})
-        if repeated:
-            raise OptionsError(f"postprocess.smooth must name every filter once, got {choices(repeated)} twice.")
+        check_no_repetition(self.smooth, "postprocess.smooth")
 
     @property
     def does_nothing(self) -> bool:

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from typing import Protocol
 
+import numpy as np
+
 from posefuse.association.one_subject import SingleSubject, longest_subject
 from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
 from posefuse.errors import DetectionsError, OptionsError
@@ -10,6 +12,7 @@ from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
 from posefuse.model.subjects import Subjects
+from posefuse.model.tracks import TrackState
 from posefuse.pipeline.people.track_recording import track_people, track_subject
 from posefuse.pipeline.people.tracked_people import TrackedPeople
 from posefuse.pipeline.people.trackers import warn_of_unused_options
@@ -79,6 +82,24 @@ def _find_subject(
     if people.n_frames < detections.n_frames:  # interrupted: the rest decides who the subject is
         raise KeyboardInterrupt
     return longest_subject(detections, people.recording_tracks)
+
+
+def people_note(detections: Detections, subjects: Subjects, options: Options) -> tuple[str, ...]:
+    """Return a note if other numbers of people are tracked at a time than the views show, which options can cause.
+
+    Several views may show different people, so more people than a view shows are noted only beyond what any view shows.
+    """
+    n_frames = frames_tracked(subjects) or detections.n_frames
+    if options.people != "many" or options.person or not n_frames:
+        return ()
+    shown = detections.people_counts[:n_frames].max(axis=1)
+    tracked = (np.asarray(subjects.tracks(0, n_frames).state) != TrackState.ABSENT).sum(axis=1)
+    if np.median(shown) <= np.median(tracked) <= shown.max():
+        return ()
+    return (
+        f"{np.median(tracked):g} people are tracked at a time, and a view shows {np.median(shown):g} (medians over the "
+        "frames). The options of association and tracker.initiation decide which detections become people.",
+    )
 
 
 def frames_tracked(subjects: Subjects) -> int | None:

@@ -116,6 +116,11 @@ class Sample:
         ({"window_s": -1}, "stage.sample.window_s must be a finite number of at least 0 s, got -1."),
         ({"ratio": 0.5}, "stage.sample.ratio must be a finite number between 0 and 0.5, exclusive, got 0.5."),
         ({"reach_m": math.nan}, "stage.sample.reach_m must be a number above 0 m or inf, got nan."),
+        (
+            {"share": 1e-31},
+            "stage.sample.share must be a finite number above 0 and at most 1, got 1e-31. The magnitude of a number "
+            "other than 0 must be from 1e-30 to 1e+30.",
+        ),
         ({"number": True}, "stage.sample.number must be an integer of at least 2, got True."),
         ({"size": (3,)}, "stage.sample.size must be a list of 2 integers of at least 1 px, got 1."),
         ({"size": (3, 0)}, "stage.sample.size must be a list of 2 integers of at least 1 px, got the element 0."),

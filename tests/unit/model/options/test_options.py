@@ -18,6 +18,7 @@ from posefuse.model.options.triangulation import TriangulationOptions
         (lambda: Options(noise_scale_px=-2), "noise_scale_px must be a finite number above 0 px, got -2"),
         (lambda: Options(start_s=3, end_s=2), r"end_s \(2.0\) must be above start_s \(3.0\)"),
         (lambda: Options(cameras=("a", "b"), exclude_camera=("b",)), "got b in both"),
+        (lambda: Options(cameras=("a", "b", "a")), "cameras must not name anything twice, got a"),
         (lambda: Options(view_rates_hz=("cam_2=0",)), "rates above 0 Hz, got cam_2=0.0"),
         (lambda: Options(view_rates_hz=("cam_2",)), "view=rate entries such as cam_2=60, got 'cam_2'"),
     ],
