@@ -40,15 +40,20 @@ def outcome(seed: int) -> str:
     """Run one draw; return whether it was accepted or rejected."""
     rng = np.random.default_rng(seed)
     people, live, values = int(rng.integers(1, 3)), rng.random() < LIVE_SHARE, drawn_options(rng)
+    return outcome_of(values, people, live, f"seed {seed}")
+
+
+def outcome_of(values: Mapping[str, Any], people: int, live: bool, case: str = "") -> str:
+    """Run options by dotted name; return whether they were accepted or rejected."""
     try:
         options = with_values(values)
         (run_live if live else run_reconstruction)(options, people)
     except posefuse.PosefuseError as error:
         if not names_an_option(str(error), values):
-            raise AssertionError(f"seed {seed}: {values}: no option is named: {error}") from error
+            raise AssertionError(f"{case}: {values}: no option is named: {error}") from error
         return "rejected"
     except Exception as error:
-        raise AssertionError(f"seed {seed}: {values}: {error!r}") from error
+        raise AssertionError(f"{case}: {values}: {error!r}") from error
     return "accepted"
 
 
@@ -81,7 +86,8 @@ def run_live(options: Options, people: int) -> None:
 def names_an_option(message: str, values: Mapping[str, Any]) -> bool:
     """Return whether an error names a drawn option, with or without its table, or the option to set instead."""
     words = set(re.findall(r"\w+", message.replace("-", "_")))
-    remedies = {flag.replace("-", "_") for flag in re.findall(r"--([\w.-]+)", message)}
+    flags, arguments = re.findall(r"--([\w.-]+)", message), re.findall(r"`([\w.]+)", message)
+    remedies = {flag.replace("-", "_") for flag in flags} | set(arguments)
     return any(name.rpartition(".")[2] in words for name in values) or bool(remedies & set(options_by_name()))
 
 
@@ -90,6 +96,25 @@ def test_default_options_give_the_people_of_the_recording(people):
     run_reconstruction(Options(), people)
     result = posefuse.reconstruct(*recording(people))
     assert len(result.person_ids) == people
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ({"tracker.smoother_error_memory_s": 0.0}, "accepted"),
+        ({"tracker.error_memory_s": 0.0, "tracker.parts.error_memory_s": 0.0}, "accepted"),
+        ({"tracker.motion.root_acceleration": 0.0}, "accepted"),
+        ({"tracker.motion.turn_acceleration": 0.0, "tracker.motion.limb_acceleration": 0.0}, "accepted"),
+        ({"tracker.initiation.promote_log_odds": 500.0}, "accepted"),
+        ({"align.forward_m": (1e-300, 0.0, 1e300)}, "rejected"),
+        ({"align.height_m": 1e9}, "rejected"),
+        ({"cameras": ("cam_0", "cam_1", "cam_0")}, "rejected"),
+        ({"person": ("person_1", "person_1")}, "rejected"),
+        ({"cameras": ("cam_0",)}, "rejected"),
+    ],
+)
+def test_options_that_once_failed(values, expected):
+    assert outcome_of(values, people=2, live=False) == expected
 
 
 @pytest.mark.parametrize("seed", range(60))

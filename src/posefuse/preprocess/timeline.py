@@ -53,7 +53,7 @@ def align_views(detections: Detections, reference: str | None = None) -> Detecti
     """
     if reference is not None and reference not in detections.view_names:
         raise DetectionsError(
-            f"The reference {reference!r} is not a view. {suggestion(reference, detections.view_names)}"
+            f"reference_view: {reference!r} is not a view. {suggestion(reference, detections.view_names)}"
         )
     known = detections.recorded & np.isfinite(detections.time_s)
     if detections.n_views == 1 or not known.any():

@@ -12,6 +12,9 @@ from posefuse.tracking.settings import TrackerSettings
 
 CHUNK_FRAMES = 64
 """Number of frames whose covariances are processed at a time, so that they fit the processor's cache."""
+_NEGLIGIBLE = 1e-12
+"""Share of the largest variance below which a direction is certain."""
+
 _MIN_RETAINED = 0.1
 """Share of a velocity that must remain in the next frame for the compiled gains to be accurate."""
 
@@ -88,6 +91,10 @@ def _gains(
     mixed = block.copy()
     mixed[:, :n] += reach[:, :, None] * block[:, -n:]
     mixed[:, -n:] *= fade[:, :, None]
-    gains = np.linalg.solve(predicted.covariance[:, rows[:, None], rows], mixed).transpose(0, 2, 1)
+    later = predicted.covariance[:, rows[:, None], rows]
+    try:
+        gains = np.linalg.solve(later, mixed).transpose(0, 2, 1)
+    except np.linalg.LinAlgError:  # without process noise, the prediction is certain in some directions
+        gains = (np.linalg.pinv(later, rcond=_NEGLIGIBLE, hermitian=True) @ mixed).transpose(0, 2, 1)
     rest = block - gains @ mixed
     return np.ascontiguousarray(gains), 0.5 * (rest + rest.transpose(0, 2, 1))

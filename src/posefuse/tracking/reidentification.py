@@ -10,7 +10,7 @@ from posefuse.kinematics.segment_lengths import measured_lengths
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.records import Track
-from posefuse.tracking.settings import TrackerSettings
+from posefuse.tracking.settings import MIN_MEMORY_S, TrackerSettings
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ def _correlation_factor(observed_s: float, options: TrackerOptions) -> float:
     ``error_memory_s``; ``smoother_error_memory_s`` is the actual correlation time.
     """
     assumed, actual = (
-        1.0 + 0.5 * observed_s / m for m in (options.error_memory_s, options.smoother_error_memory_s)
+        1.0 + 0.5 * observed_s / max(m, MIN_MEMORY_S) for m in (options.error_memory_s, options.smoother_error_memory_s)
     )  # fmt: skip
     return max(assumed / actual, 1.0)
 

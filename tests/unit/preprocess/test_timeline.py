@@ -158,5 +158,5 @@ def test_invalid_times_are_errors():
     half = of_views(near, near)
     with pytest.raises(DetectionsError, match="'view_1' has no time for 9 of its 9 frames"):
         align_views(replace(half, time_s=np.where([True, False], half.time_s, np.nan)))
-    with pytest.raises(DetectionsError, match="The reference 'view_7' is not a view"):
+    with pytest.raises(DetectionsError, match="reference_view: 'view_7' is not a view"):
         align_views(half, "view_7")
