@@ -109,18 +109,6 @@ def test_options_page_is_generated_from_the_records() -> None:
     assert sorted(listed) == sorted(option_names(Options(), ""))
 
 
-def test_options_that_replace_symbols_exist() -> None:
-    page = (ROOT / "docs" / "methods" / "specification.md").read_text()
-    table = page.split("## Symbols and options")[1].split("\n## ")[0]
-    names = set(option_names(Options(), ""))
-    listed = {
-        name for row in re.findall(r"(?m)^\| [^|]+ \| ([^|]+) \|", table) for name in re.findall(r"`([a-z_.]+)`", row)
-    }
-    assert len(listed) > 30
-    elsewhere = {"plausible_m", "spread", "size_spread"}
-    assert {name for name in listed if not {name, f"tracker.{name}"} & names} == elsewhere
-
-
 def test_options_of_the_specification_are_listed_with_their_symbols() -> None:
     page = (ROOT / "docs" / "methods" / "specification.md").read_text()
     table = page.split("| symbol or term |")[1].split("\n\n")[0]
