@@ -45,7 +45,11 @@ _FOREIGN = {
     ("numpy._core.multiarray", "scalar"),
     ("numpy._core.numeric", "_frombuffer"),
 }
-_FUNCTIONS = {("posefuse.pipeline.people.initial_noise", "propose_people")}
+_FUNCTIONS = {
+    ("posefuse.pipeline.people.initial_noise", "propose_people"),
+    ("posefuse.tracking.strategies.specification", "configure"),
+    ("posefuse.tracking.strategy", "same_settings"),
+}
 
 
 def digest_of(values: Mapping[str, Any]) -> str:

@@ -1,6 +1,5 @@
 """The recipe of a reconstruction: from a rig and detections to a plan and its result."""
 
-import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
@@ -14,10 +13,10 @@ from posefuse.alignment.infer_up import describe_up, infer_up
 from posefuse.alignment.size import scale_factor
 from posefuse.alignment.world_axes import find_alignment
 from posefuse.arrays import ranges
-from posefuse.association.one_subject import NO_PERSON, SingleSubject, lone_detections
+from posefuse.association.one_subject import SingleSubject, lone_detections
 from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
 from posefuse.diagnostics.sample_findings import sample_findings
-from posefuse.errors import DetectionsError, OptionsError, PosefuseWarning
+from posefuse.errors import DetectionsError, OptionsError
 from posefuse.model.cameras import CameraRig
 from posefuse.model.concatenate import concatenate_ranges
 from posefuse.model.detections import CHUNK_FRAMES, Detections
@@ -37,7 +36,7 @@ from posefuse.pipeline.people.find_subjects import (
     FindSubjects,
     find_subjects,
     frames_tracked,
-    people_note,
+    people_notes,
 )
 from posefuse.pipeline.people.trackers import unmodeled_note
 from posefuse.pipeline.plan import Plan
@@ -157,12 +156,9 @@ def examine(
         notes = (*notes, subjects.note)
     if bodies is not None:
         notes = (*notes, *unmodeled_note(bodies.skeleton))
-    notes = (*notes, *people_note(detections, subjects, options))
+    notes = (*notes, *people_notes(detections, subjects, options))
     # Noise. Without people, detections that are alone in their views still show what is wrong.
     found = bool(subjects.tracks(0, 0).person_ids)
-    if not found:
-        notes = (*notes, NO_PERSON)
-        warnings.warn(NO_PERSON, PosefuseWarning, stacklevel=4)
     sampled = subjects if found else lone_detections(detections)
     samples = take_samples(detections, sampled) if len(rig) > 1 else None
     noise = estimate_noise(rig, samples, options, progress)
@@ -269,6 +265,9 @@ def resize(plan: Plan, scale: float, progress: Progress, find: FindSubjects) -> 
     if n_tracked is not None and n_tracked < n_frames:
         provenance = plan.provenance.with_notes((partial_note(n_tracked, n_frames),))
         plan = replace(plan, detections=plan.detections.between(0, n_tracked), provenance=provenance)
+    known = plan.provenance.notes
+    notes = (note for note in people_notes(plan.detections, subjects, plan.options) if note not in known)
+    plan = replace(plan, provenance=plan.provenance.with_notes(notes))
     noise = estimate_noise(rig, take_samples(plan.detections, subjects), plan.options, progress)
     plan = replace(plan, rig=rig, subjects=subjects, bodies=bodies, noise=noise.noise, agreement=noise.layer)
     requested = plan.requested.triangulation.percentile_filter

@@ -1,13 +1,14 @@
 """Assign the detections of a recording to people."""
 
+import warnings
 from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
 
-from posefuse.association.one_subject import SingleSubject, longest_subject
+from posefuse.association.one_subject import NO_PERSON, SingleSubject, longest_subject
 from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
-from posefuse.errors import DetectionsError, OptionsError
+from posefuse.errors import DetectionsError, OptionsError, PosefuseWarning
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
@@ -84,11 +85,14 @@ def _find_subject(
     return longest_subject(detections, people.recording_tracks)
 
 
-def people_note(detections: Detections, subjects: Subjects, options: Options) -> tuple[str, ...]:
-    """Return a note if other numbers of people are tracked at a time than the views show, which options can cause.
+def people_notes(detections: Detections, subjects: Subjects, options: Options) -> tuple[str, ...]:
+    """Return a note, and warn, if there is no person; or a note if the views show another number than are tracked.
 
     Several views may show different people, so more people than a view shows are noted only beyond what any view shows.
     """
+    if not subjects.tracks(0, 0).person_ids:
+        warnings.warn(NO_PERSON, PosefuseWarning, stacklevel=5)
+        return (NO_PERSON,)
     n_frames = frames_tracked(subjects) or detections.n_frames
     if options.people != "many" or options.person or not n_frames:
         return ()
@@ -97,8 +101,8 @@ def people_note(detections: Detections, subjects: Subjects, options: Options) ->
     if np.median(shown) <= np.median(tracked) <= shown.max():
         return ()
     return (
-        f"{np.median(tracked):g} people are tracked at a time, and a view shows {np.median(shown):g} (medians over the "
-        "frames). The options of association and tracker.initiation decide which detections become people.",
+        f"People tracked at a time: {np.median(tracked):g}; people in a view: {np.median(shown):g} (medians over the "
+        "frames). The options of association and tracker decide which detections become people.",
     )
 
 

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 import posefuse
+from posefuse.model.options.options import Options
+from posefuse.model.options.tracker import TrackerOptions
 from posefuse.skeleton.skeletons import Skeleton, parse_skeleton
+from posefuse.synthetic.crowd_options import CrowdOptions
+from posefuse.synthetic.crowds import simulate_crowd
 from tests.scenes import ring, simulate_detections
 
 _LEGS, _JOINTS = 6, 4
@@ -92,3 +96,15 @@ def test_measured_is_the_default_layer_if_the_model_lacks_most_keypoints(rng):
     assert modeled < len(_KEYPOINTS) // 2
     assert result.best_layer()[0] == "measured"
     assert any("has no node for" in note for note in result.provenance.notes)
+
+
+def test_note_if_fewer_people_are_tracked_than_views_show():
+    scene = simulate_crowd(CrowdOptions(people=2, cameras=3, duration_s=0.8, skeleton="body_20"))
+    notes = {
+        most: posefuse.reconstruct(
+            scene.rig, scene.detections, Options(health="off", tracker=TrackerOptions(max_people=most))
+        ).provenance.notes
+        for most in (1, 2)
+    }
+    assert any(note.startswith("People tracked at a time: 1; people in a view: 2") for note in notes[1])
+    assert not any(note.startswith("People tracked") for note in notes[2])
