@@ -69,7 +69,7 @@ def test_every_command_of_the_readme(folder: str, tmp_path: Path) -> None:
                 break
             words = [*words, *choices]
             code, output, error = run(words, tmp_path)
-        if re.search(r"Traceback|Warning:", output + error) or (code and not answers(error)):
+        if re.search(r"Traceback|Warning:", output + error) or (code and not answers(output + error)):
             failed.append((shlex.join(words), code, (output + error)[-1500:]))
     assert failed == []
 
@@ -99,9 +99,7 @@ def suggested(error: str) -> list[str]:
     return [word for pair in found.items() for word in pair]
 
 
-def answers(error: str) -> bool:
-    """Return whether a message begins as an error and ends as a sentence or as a list of choices."""
-    lines = [line for line in error.strip().splitlines() if line.strip()]
-    if not lines or not any("error:" in line for line in lines):
-        return False
-    return bool(re.search(r"[.?!)\]'\"`]$", lines[-1].strip())) or lines[-1].startswith("  ")
+def answers(text: str) -> bool:
+    """Return whether the output ends as a sentence or as a list of choices."""
+    lines = [line for line in text.splitlines() if line.strip()]
+    return bool(lines) and (bool(re.search(r"[.?!)\]'\"`]$", lines[-1].strip())) or lines[-1].startswith("  "))
