@@ -122,6 +122,34 @@ def test_stream_over_tcp_ends_on_a_signal(folder, lines):
     assert "latency of complete frames" in output
 
 
+def test_output_goes_to_several_places_and_a_stalled_one_stops_nothing(folder, lines):
+    """Two consumers connect: one receives the lines of stdout, the other never reads."""
+    with subprocess.Popen(
+        stream(folder, "--clock", "messages", "--output", "stdout", "tcp://:0", "--queue-lines", "1000"),
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=ENVIRONMENT,
+    ) as process:  # fmt: skip
+        assert process.stdin is not None
+        assert process.stderr is not None
+        ready = process.stderr.readline().decode()
+        address = re.search(r"writing to tcp://127\.0\.0\.1:(\d+)", ready)
+        assert address, ready + process.stderr.read().decode()
+        place = ("127.0.0.1", int(address[1]))
+        with socket.create_connection(place) as reader, socket.create_connection(place), reader.makefile("rb") as file:
+            results: list[bytes] = []
+            reading = threading.Thread(target=lambda: results.extend(_lines(process)), daemon=True)
+            reading.start()
+            first = file.readline()
+            process.stdin.write(lines)
+            process.stdin.close()
+            sent = [first, *file]
+        reading.join(60)
+        output = process.stderr.read().decode()
+        assert process.wait(60) == 0
+    assert json.loads(first)["type"] == "start"
+    assert sent == results
+    assert re.search(rf"tcp://127\.0\.0\.1:{address[1]}: \d+ lines sent, \d+ dropped", output)
+
+
 def test_stream_without_valid_lines_fails(folder):
     done = subprocess.run(stream(folder), input=b"{\n" * 9, capture_output=True, check=False, env=ENVIRONMENT)
     assert done.returncode == 1
@@ -141,6 +169,7 @@ def _lines(process: subprocess.Popen) -> Iterator[bytes]:
     [
         ((), 2, "--skeleton is required"),
         (("--skeleton", "body_20", "--input", "tcp://"), 2, "the port is missing"),
+        (("--skeleton", "body_20", "--output", "zmq+push://"), 2, "--output zmq+push://: the port is missing"),
         (("--skeleton", "body_20", "--max-wait-s", "-1"), 2, "max_wait_s must be a finite number above 0"),
         (("--skeleton", "fly_38", "--noise.cameras", "x", "--noise.scale-px", "1"), 2, "noise.cameras has no scale"),
     ],

@@ -3,9 +3,10 @@
 import gc
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,11 +25,16 @@ if TYPE_CHECKING:
     from posefuse.live.addresses import Address
     from posefuse.live.line_queue import LineQueue
     from posefuse.live.session import Session
+    from posefuse.live.sinks import Sink
 
 _SWITCH_INTERVAL_S = 0.0005
 _INPUT_HELP = (
     "Source of lines: - (stdin), tcp://127.0.0.1:PORT or unix:PATH (listens), zmq+pull://127.0.0.1:PORT "
     "(listens), zmq+sub://HOST:PORT or nats://HOST:PORT/SUBJECT (connects)."
+)
+_OUTPUT_HELP = (
+    "Destinations of lines: stdout, tcp://127.0.0.1:PORT or unix:PATH (listens), zmq+push://HOST:PORT (connects), "
+    "zmq+pub://127.0.0.1:PORT/TOPIC (listens) or nats://HOST:PORT/SUBJECT (connects)."
 )
 
 
@@ -36,6 +42,7 @@ def stream(
     *,
     calibration: Annotated[Path, Parameter(help="Calibration file; messages use its camera names.")],
     input: Annotated[str, Parameter(name=["--input", "-i"], help=_INPUT_HELP)] = "-",  # noqa: A002
+    output: Annotated[tuple[str, ...], Parameter(name=["--output", "-o"], help=_OUTPUT_HELP)] = ("stdout",),
     stream: Annotated[StreamOptions, Parameter(name="*", group=Group("Stream", sort_key=1))] = StreamOptions(),  # noqa: B008
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
@@ -44,37 +51,40 @@ def stream(
     docs/live.md describes the lines. --skeleton names the keypoints. The command ends with the input or with Ctrl-C.
     Late, lost and malformed lines are counted in the stream's report lines and printed on stderr at the end.
     """
-    from posefuse.live.addresses import parse_address
+    from posefuse.live.addresses import OUTPUT, Address, parse_address
     from posefuse.live.line_queue import LineQueue
     from posefuse.live.run import run_stream
     from posefuse.live.sources import Source
     from posefuse.live.warm_up import warm_up
 
     address = parse_address(input)
+    outputs = [parse_address(text, OUTPUT) for text in dict.fromkeys(output)]
     # If messages define the time, the same lines must give the same bytes, so none is dropped.
     waits = address.kind == "stdin" or stream.clock == "messages"
     stream = replace(stream, when_behind=stream.when_behind or ("wait" if waits else "drop"))
     session = _session(calibration, stream, options)
-    if address.is_open:
-        warn(f"{address} accepts unauthenticated connections from the network; use only on a trusted network.")
+    for each in (each for each in (address, *outputs) if each.is_open):
+        warn(f"{each} accepts unauthenticated connections from the network; use only on a trusted network.")
     warm_up(session, options)
     queue = LineQueue(stream.queue_messages, waits=stream.when_behind == "wait")
     source = Source(address, queue, stream)
-    with _end_on_signals(queue):
-        _print_ready(source.start())
+    with _end_on_signals(queue), _opened_sinks(outputs, stream) as sinks:
+        _print_ready(source.start(), sinks)
         gc.collect()
         # The objects created so far are permanent; collecting them repeatedly would take milliseconds of a frame.
         gc.freeze()
         try:
             with _short_switch_interval():
-                run_stream(session, queue, _write, warn)
+                run_stream(session, queue, partial(_write, sinks, to_stdout=Address("stdout") in outputs), warn)
         except BrokenPipeError:
             warn("The output was closed by its reader.")
             sys.stdout = open("/dev/null", "w")  # noqa: SIM115
         finally:
             gc.unfreeze()
             source.close()
-            print_counts(session)
+            for sink in sinks:
+                sink.close()
+            print_counts(session, sinks)
     if session.counts.lines and not any(each.received for each in session.grouper.counts):
         warn("No line of the input was valid.")
         sys.exit(1)
@@ -96,14 +106,35 @@ def _session(calibration: Path, stream: StreamOptions, options: Options) -> "Ses
     return Session(rig.select(wanted), options.skeleton, options, stream)
 
 
-def _print_ready(address: "Address") -> None:
+@contextmanager
+def _opened_sinks(outputs: "Sequence[Address]", stream: StreamOptions) -> "Iterator[list[Sink]]":
+    """Open the sinks of all addresses but stdout; close those that are open if one fails."""
+    from posefuse.live.sinks import open_sink
+
+    sinks: list[Sink] = []
+    try:
+        for each in outputs:
+            if each.kind != "stdout":
+                sinks.append(open_sink(each, stream))
+        yield sinks
+    except BaseException:
+        for sink in sinks:
+            sink.close()
+        raise
+
+
+def _print_ready(address: "Address", sinks: "Sequence[Sink]") -> None:
     where = f"listening on {address}" if address.listens else f"reading {address}"
-    err.print(Text(f"posefuse stream: ready, {where}"), soft_wrap=True)
+    places = "".join(f", writing to {sink.address}" for sink in sinks)
+    err.print(Text(f"posefuse stream: ready, {where}{places}"), soft_wrap=True)
 
 
-def _write(line: bytes) -> None:
-    sys.stdout.buffer.write(line)
-    sys.stdout.buffer.flush()
+def _write(sinks: "Sequence[Sink]", line: bytes, *, to_stdout: bool) -> None:
+    for sink in sinks:
+        sink.write(line)
+    if to_stdout:
+        sys.stdout.buffer.write(line)
+        sys.stdout.buffer.flush()
 
 
 @contextmanager
@@ -137,8 +168,8 @@ def _short_switch_interval() -> Iterator[None]:
         sys.setswitchinterval(default_s)
 
 
-def print_counts(session: "Session") -> None:
-    """Print the counts of a stream on stderr."""
+def print_counts(session: "Session", sinks: "Sequence[Sink]" = ()) -> None:
+    """Print the counts of a stream and its sinks on stderr."""
     counts = session.counts
     frames = counts.complete + counts.incomplete
     _print(
@@ -155,6 +186,10 @@ def print_counts(session: "Session") -> None:
         _print(f"malformed: {count(number, 'line')}, {what}")
     for why, number in sorted(counts.lost.items()):
         _print(f"dropped: {count(number, 'line')}, {why}")
+    for sink in sinks:
+        dropped = ", ".join(f"{number} {why}" for why, number in sorted(sink.counts.dropped.items()))
+        sent, reasons = count(sink.counts.sent, "line"), f" ({dropped})" if dropped else ""
+        _print(f"{sink.address}: {sent} sent, {sink.counts.dropped.total()} dropped{reasons}")
     if counts.refused:
         _print(f"refused by the tracker: {count(counts.refused, 'frame')}")
     if session.grouper.jumps:

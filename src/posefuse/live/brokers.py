@@ -5,6 +5,7 @@ import socket
 import threading
 from collections.abc import Callable
 from dataclasses import replace
+from types import ModuleType
 from typing import Any
 
 from posefuse.errors import StreamError
@@ -31,10 +32,7 @@ def open_zeromq(
     Raises:
         StreamError: if pyzmq is not installed, or the socket cannot be bound.
     """
-    try:
-        import zmq
-    except ImportError:
-        raise StreamError(f"{address} needs pyzmq, which is not installed. {_EXTRA}") from None
+    zmq = import_zeromq(address)
     pulls = address.kind == "zmq+pull"
     context = zmq.Context()
     receiver: Any = context.socket(zmq.PULL if pulls else zmq.SUB)
@@ -73,16 +71,7 @@ def open_nats(
     Raises:
         StreamError: if nats-py is not installed, or no server can be reached.
     """
-    try:
-        import nats
-    except ImportError:
-        raise StreamError(f"{address} needs nats-py, which is not installed. {_EXTRA}") from None
-
-    server = f"nats://{address.host}:{address.port}"
-    try:
-        socket.create_connection((address.host, address.port), _CONNECT_S).close()
-    except OSError as error:
-        raise StreamError(f"Cannot reach a NATS server at {server}: {error}. Is it running?") from None
+    nats = import_nats(address)
 
     async def receive() -> None:
         sender = Sender(queue, options, limited=limited)
@@ -90,19 +79,62 @@ def open_nats(
         async def take(message: Any) -> None:
             sender.feed(message.data + b"\n")
 
-        async def ignore(_: Exception) -> None:
-            """Do nothing: the client reconnects, and lost messages are counted as missing."""
-
-        # After the first connection the client reconnects without limit.
-        connecting = nats.connect(server, connect_timeout=_CONNECT_S, max_reconnect_attempts=-1, error_cb=ignore)
-        try:
-            client = await asyncio.wait_for(connecting, 2.0 * _CONNECT_S)
-        except Exception as error:
-            why = str(error) or type(error).__name__
-            raise StreamError(f"No NATS server answers at {server}: {why}. Check the address.") from None
+        client = await connect_nats(nats, address)
         await client.subscribe(address.name, cb=take, pending_msgs_limit=options.queue_messages)
         while not stop.is_set():
             await asyncio.sleep(_POLL_MS / 1000.0)
         await client.close()
 
     return lambda: asyncio.run(receive())
+
+
+def import_zeromq(address: Address) -> ModuleType:
+    """Return pyzmq.
+
+    Raises:
+        StreamError: if it is not installed.
+    """
+    try:
+        import zmq
+    except ImportError:
+        raise StreamError(f"{address} needs pyzmq, which is not installed. {_EXTRA}") from None
+    return zmq
+
+
+def import_nats(address: Address) -> ModuleType:
+    """Return nats-py after checking that a server can be reached.
+
+    Raises:
+        StreamError: if it is not installed, or no server can be reached.
+    """
+    try:
+        import nats
+    except ImportError:
+        raise StreamError(f"{address} needs nats-py, which is not installed. {_EXTRA}") from None
+    try:
+        socket.create_connection((address.host, address.port), _CONNECT_S).close()
+    except OSError as error:
+        raise StreamError(f"Cannot reach a NATS server at {_server(address)}: {error}. Is it running?") from None
+    return nats
+
+
+def _server(address: Address) -> str:
+    return f"nats://{address.host}:{address.port}"
+
+
+async def connect_nats(nats: Any, address: Address) -> Any:
+    """Return a client that reconnects without limit after the first connection.
+
+    Raises:
+        StreamError: if no server answers.
+    """
+
+    async def ignore(_: Exception) -> None:
+        """Do nothing: the client reconnects, and lost messages are counted as missing."""
+
+    connecting = nats.connect(_server(address), connect_timeout=_CONNECT_S, max_reconnect_attempts=-1, error_cb=ignore)
+    try:
+        return await asyncio.wait_for(connecting, 2.0 * _CONNECT_S)
+    except Exception as error:
+        why = str(error) or type(error).__name__
+        raise StreamError(f"No NATS server answers at {_server(address)}: {why}. Check the address.") from None

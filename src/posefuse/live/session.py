@@ -28,7 +28,7 @@ from posefuse.tracking.records import People
 _MAX_REPORTED_FAULTS = 5
 _RECORDING_OPTIONS = (
     "people", "person", "bodies", "pick", "rate_hz", "third_channel", "camera_order", "start_s", "end_s", "layer",
-    "sides", "pair_search", "side_search", "solve", "trajectory", "postprocess", "subject", "align",
+    "sides", "pair_search", "side_search", "solve", "trajectory", "postprocess", "session_start", "subject", "align",
     "chunk_frames",
 )  # fmt: skip
 """Options that have no effect in a stream."""

@@ -100,7 +100,7 @@ class Source:
         return work
 
     def _listen(self) -> Callable[[], None]:
-        listener = _unix(self.address) if self.address.kind == "unix" else _tcp(self.address)
+        listener = listen_unix(self.address) if self.address.kind == "unix" else listen_tcp(self.address)
         if self.address.kind == "tcp":
             self.address = replace(self.address, port=listener.getsockname()[1])
 
@@ -155,7 +155,12 @@ def _disconnect(key: selectors.SelectorKey, selector: selectors.BaseSelector) ->
     key.fileobj.close()  # type: ignore[union-attr]
 
 
-def _tcp(address: Address) -> socket.socket:
+def listen_tcp(address: Address) -> socket.socket:
+    """Return a listening TCP socket.
+
+    Raises:
+        StreamError: if it cannot listen on the address.
+    """
     family = socket.AF_INET6 if ":" in address.host else socket.AF_INET
     try:
         return socket.create_server((address.host, address.port), family=family)
@@ -163,7 +168,12 @@ def _tcp(address: Address) -> socket.socket:
         raise StreamError(f"Cannot listen on {address}: {error}. Choose another port, or 0 for a free one.") from None
 
 
-def _unix(address: Address) -> socket.socket:
+def listen_unix(address: Address) -> socket.socket:
+    """Return a listening UNIX socket that only the same user can connect to; an abandoned one is replaced.
+
+    Raises:
+        StreamError: if it cannot listen on the address.
+    """
     path = Path(address.name)
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:

@@ -3,7 +3,7 @@
 import pytest
 
 from posefuse.errors import OptionsError
-from posefuse.live.addresses import parse_address
+from posefuse.live.addresses import OUTPUT, parse_address
 
 
 @pytest.mark.parametrize(
@@ -25,6 +25,34 @@ from posefuse.live.addresses import parse_address
 def test_addresses(text, shown, is_open):
     address = parse_address(text)
     assert (str(address), address.is_open) == (shown, is_open)
+
+
+@pytest.mark.parametrize(
+    ("text", "shown", "is_open"),
+    [
+        ("-", "stdout", False),
+        ("tcp://0.0.0.0:0", "tcp://0.0.0.0:0", True),
+        ("zmq+pub://0.0.0.0:5571/a", "zmq+pub://0.0.0.0:5571/a", True),
+        ("zmq+push://somewhere:5571", "zmq+push://somewhere:5571", False),
+        ("nats://somewhere/pose", "nats://somewhere:4222/pose", False),
+    ],
+)
+def test_output_addresses(text, shown, is_open):
+    address = parse_address(text, OUTPUT)
+    assert (str(address), address.is_open) == (shown, is_open)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("zmq+pull://:1", "`output`: .* Did you mean 'zmq+pub'"),
+        ("nats://x/a.*", "select several"),
+        ("zmq+push://:1/x", "takes no"),
+    ],
+)
+def test_invalid_output_addresses(text, message):
+    with pytest.raises(OptionsError, match=message.replace("+", r"\+")):
+        parse_address(text, OUTPUT)
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,8 @@ class StreamOptions:
             sender wait; the default is drop for network input and wait for stdin.
         queue_frames: Maximum number of frames waiting to be processed; beyond it, the oldest are dropped.
         queue_messages: Maximum number of messages waiting to be parsed; beyond it, the oldest are dropped.
+        queue_lines: Maximum number of output lines waiting for a consumer; beyond it, the oldest are dropped and
+            counted.
         open_frames: Maximum number of frames that wait for views; the oldest is processed without the missing ones.
         max_line_bytes: Maximum length of a message; longer ones are dropped.
         max_view_people: Maximum number of people in one view of a message; messages with more are dropped.
@@ -43,6 +45,7 @@ class StreamOptions:
     when_behind: WhenBehind | None = option(None, common=True)
     queue_frames: int = option(8, at_least=1)
     queue_messages: int = option(4096, at_least=1)
+    queue_lines: int = option(1024, at_least=1)
     open_frames: int = option(64, at_least=1)
     max_line_bytes: int = option(1 << 20, at_least=1, unit="bytes")
     max_view_people: int = option(64, at_least=1)
