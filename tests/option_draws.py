@@ -50,7 +50,7 @@ NAMES = {
 """Names that occur in the recordings, by option."""
 
 WRONG_TYPES = ("text", "", True, None, (), (1.0, 2.0), {"a": 1}, 1j, b"1", np.float32(np.nan))
-EXTREMES = (math.nan, math.inf, -math.inf, -1.0, -1, 0.0, 0, 1e-300, 1e300, 1e-30, 1e30, 1e9, 1e-9, 10**30)
+EXTREMES = (math.nan, math.inf, -math.inf, -1.0, -1, 0.0, 0, 1e-300, 1e300, 1e-30, 1e30, 1e9, 1e-9, 10**9, 10**30)
 
 
 def drawn_options(rng: np.random.Generator) -> dict[str, Any]:

@@ -109,6 +109,8 @@ def test_default_options_give_the_people_of_the_recording(people):
         ({"people": "many", "align.height_m": 8.5}, "accepted"),
         ({"align.forward_m": (1e-300, 0.0, 1e300)}, "rejected"),
         ({"align.height_m": 1e9}, "rejected"),
+        ({"trajectory.iterations": 10**9, "solve": "trajectory"}, "rejected"),
+        ({"pair_search.sds.agents": 10**9}, "rejected"),
         ({"cameras": ("cam_0", "cam_1", "cam_0")}, "rejected"),
         ({"person": ("person_1", "person_1")}, "rejected"),
         ({"cameras": ("cam_0",)}, "rejected"),

@@ -36,7 +36,7 @@ class SideOptions:
     facing: str = "+x"
     swap_share: float = option(0.15, above=0.0, below=0.5)
     swap_duration_s: float = option(0.4, above=0.0)
-    iterations: int = option(4, at_least=1)
+    iterations: int = option(4, at_least=1, at_most=1000)
 
     def __post_init__(self) -> None:
         check_fields(self, "side_search")

@@ -38,8 +38,8 @@ class SdsOptions:
     opposite_weight: float = option(1.0, at_least=0.0)
     separation_mm: float = option(20.0, above=0.0)
     jitter_mm: float = option(15.0, above=0.0)
-    agents: int = option(25, at_least=2)
-    max_iterations: int = option(5000, at_least=1)
+    agents: int = option(25, at_least=2, at_most=10_000)
+    max_iterations: int = option(5000, at_least=1, at_most=1_000_000)
     tolerance_mm: float = option(0.01, above=0.0)
 
     def __post_init__(self) -> None:

@@ -103,7 +103,7 @@ class TrackerOptions:
     """
 
     strategy: StrategyName = "posefuse"
-    iterations: int = option(2, at_least=1)
+    iterations: int = option(2, at_least=1, at_most=1000)
     nu: float = option(3.0, above=0.0)
     gate: float = option(60.0, above=0.0)
     model_floor_m: float = option(0.015, at_least=0.0)

@@ -49,7 +49,7 @@ class TrajectoryOptions:
     max_sd_share: float = option(0.05, above=0.0)
     full_weight_sigma: float = option(2.5, above=0.0)
     zero_weight_sigma: float = option(5.0, above=0.0)
-    iterations: int = option(6, at_least=1)
+    iterations: int = option(6, at_least=1, at_most=1000)
 
     def __post_init__(self) -> None:
         check_fields(self, "trajectory")
