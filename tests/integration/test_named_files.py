@@ -1,5 +1,6 @@
 """Every file that a command names in its output exists, and formats without a file are not named as written."""
 
+import html
 import re
 from pathlib import Path
 
@@ -8,8 +9,11 @@ import pytest
 
 from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native
+from posefuse.io.results.registry import RESULTS
 from posefuse.io.results.write import additional_names
 from posefuse.model.detections import Detections
+from posefuse.synthetic.crowd_options import CrowdOptions
+from posefuse.synthetic.crowds import simulate_crowd
 
 FILE = re.compile(r"[\w./-]+\.(?:nc|csv|trc|c3d|bvh|glb|html|png|parquet|npz|h5|nwb|mot|osim|toml)\b")
 ENDINGS = {"TRC": ".trc", "C3D": ".c3d", "BVH": ".bvh", "glTF": ".glb"}
@@ -36,15 +40,24 @@ def folder(request, tmp_path, clean_scene) -> Path:
     detections = clean_scene.detections
     if request.param == "one":
         detections = detections.views(detections.view_names[:1])
+    elif request.param == "people":
+        crowd = simulate_crowd(CrowdOptions(people=2, cameras=3, duration_s=0.5, seed=1))
+        anipose.write(crowd.rig, folder / "calibration.toml")
+        detections = crowd.detections
     else:
         anipose.write(clean_scene.rig, folder / "calibration.toml")
     native.write(uneven(detections) if request.param == "uneven" else detections, folder / "keypoints.nc")
     return folder
 
 
+def names_in_report(output: Path) -> list[str]:
+    text = re.sub(r"(?s)<(script|style).*?</\1>", "", (output / "report.html").read_text("utf-8"))
+    return FILE.findall(html.unescape(re.sub(r"<[^>]+>", " ", text)))
+
+
 def check_names(out: str, folder: Path, output: Path) -> None:
     text = " ".join(out.split())
-    for name in FILE.findall(text):
+    for name in [*FILE.findall(text), *(names_in_report(output) if output.exists() else ())]:
         assert any((place / name).exists() for place in (output, folder, Path("/"))), f"{name} does not exist"
     remark = re.search(r"([\w, 3]+) contains? the layer", text)
     for kind, ending in ENDINGS.items():
@@ -60,6 +73,7 @@ def check_names(out: str, folder: Path, output: Path) -> None:
     [
         ("all", ["--also", *additional_names()]),
         ("all", ["--bodies", "fit"]),
+        ("people", ["--also", "nwb", "npz", "opensim"]),
         ("all", ["--cameras", "cam_0", "--also", "parquet", "nwb"]),
         ("one", []),
         ("one", ["--also", "movement", "sleap", "deeplabcut"]),
@@ -79,6 +93,23 @@ def test_named_files_exist(folder, options, run, tmp_path):
     written = {entry.name for entry in output.iterdir()}
     (listed,) = re.findall(r"Wrote (.*?) to /", " ".join(out.split()))
     assert set(listed.split(", ")) == written
+
+
+@pytest.mark.parametrize("folder", ["one", "all"], indirect=True)
+def test_converted_files_exist_or_nothing_is_left(folder, run, tmp_path):
+    assert run("reconstruct", folder, "--output", tmp_path / "out")[0] == 0
+    for form in RESULTS.written():
+        target = tmp_path / form.name
+        target.mkdir()
+        name = form.additional_name or f"x{form.endings[0] if form.endings else ''}"
+        code, out, err = run("convert", tmp_path / "out", target / name, "--to", form.name)
+        written = {entry.name for entry in target.iterdir()}
+        if code:
+            assert err.startswith("error: ")
+            assert (form.name, written) == (form.name, set())
+        else:
+            (listed,) = re.findall(r"Wrote (.*?) to /", " ".join(out.split()))
+            assert (form.name, set(listed.split(", "))) == (form.name, written)
 
 
 @pytest.mark.parametrize("form", ["freemocap", "anipose", "npz", "openpose", "opensim"])

@@ -60,7 +60,7 @@ def inspect(
     if not calibrations:
         say("no calibration")
         if len(seen) == 1 and seen[0][1].n_views == 1 and options.needs_no_poses:
-            say("1 view needs no calibration; posefuse reconstruct places its keypoints in its image plane, in px")
+            say("1 view needs no calibration; posefuse reconstruct gives its points in px")
     ignored = ignored_in(found)
     if ignored:
         say("not read:")
