@@ -23,6 +23,7 @@ from posefuse.model.frames import Frame
 from posefuse.model.options.association import PROPOSAL_METHODS, AssociationOptions, ProposalMethod
 from posefuse.model.options.options import Options
 from posefuse.pipeline.people import default_noise
+from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 
 JOINTS = (
@@ -40,6 +41,9 @@ SOURCES = {
 COMPARED = ("left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist")
 """Scored joints. Head, neck and hips are defined differently in the truth and in OpenPose: the median error of an
 oracle is 0.1 m at head and neck and 0.17 m at the hips, with two and with three views."""
+
+INTERVAL_S = 75.0
+"""Time between two frames."""
 
 SAME_PERSON_PX = 40.0
 """Maximum mean distance of the joints of a detection from those of the annotated person."""
@@ -278,8 +282,15 @@ def proposed(data: Mvor, method: ProposalMethod) -> list[np.ndarray]:
     return found
 
 
+def reconstructed(data: Mvor, options: Options) -> list[np.ndarray]:
+    """Return by frame the people of a reconstruction, shape (person, 17, 3), with frames 75 s apart."""
+    result = reconstruct(data.rig, data.detections.with_rate(1.0 / INTERVAL_S), options)
+    points = np.asarray(result.layers["measured"].points_m)
+    return [each[np.isfinite(each[..., 0]).any(axis=-1)] for each in points]
+
+
 def main() -> None:
-    """Print the results of the oracle and of the proposals."""
+    """Print the results of the oracle, of the proposals, and of reconstructions with and without tracking."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     data = read_mvor(parser.parse_args().folder / "mvor")
@@ -288,6 +299,9 @@ def main() -> None:
     print(json.dumps({"oracle": vars(score(data, there))}, indent=2))
     for method in PROPOSAL_METHODS:
         print(json.dumps({method: vars(score(data, proposed(data, method)))}, indent=2))
+    for people in ("stills", "many"):
+        found = reconstructed(data, Options(people=people, health="off"))
+        print(json.dumps({f"reconstruct, people {people}": vars(score(data, found))}, indent=2))
 
 
 if __name__ == "__main__":

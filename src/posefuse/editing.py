@@ -61,6 +61,8 @@ def edited_chunks(result: Reconstruction, edits: Sequence[Edit], size: int = CHU
 
     All edits are checked before the first range is yielded.
     """
+    if not result.has_identities:
+        raise EditError("Edits correct identities, but the frames are unrelated (`people='stills'`) and have none.")
     states = _states(result)
     table = _build_table(result, states, edits)
     main_sources = _main_sources(table, states)

@@ -60,7 +60,7 @@ def _of_root(tree: Tree, names: Iterable[str]) -> list[bool]:
 def body_tables(result: Reconstruction) -> dict[str, Iterator[Columns]]:
     """Return the tables written beside a result, by file name.
 
-    These are segment lengths, and centers of mass if a mass table is set.
+    These are segment lengths, unless frames are unrelated, and centers of mass if a mass table is set.
 
     Args:
         result: its best layer, or the layer set in its options, is used.
@@ -72,7 +72,7 @@ def body_tables(result: Reconstruction) -> dict[str, Iterator[Columns]]:
         return {}
     layer, _ = result.best_layer(result.options.layer)
     tables: dict[str, Iterator[Columns]] = {}
-    if result.skeleton.edges:
+    if result.skeleton.edges and result.has_identities:
         tables[LENGTHS_FILE] = iter([_length_columns(result, layer)])
     name = result.options.subject.mass_table
     if name != "none":

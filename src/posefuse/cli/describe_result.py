@@ -64,10 +64,12 @@ def describe_result(result: Reconstruction) -> None:
 
 def _describe_points(result: Reconstruction, layer: LayerName, summary: "Summary") -> None:
     from posefuse.model.status import USED_CODES, PointStatus, ViewStatus
+    from posefuse.report.people import people_per_frame
     from posefuse.report.summary import format_sources
 
     with_points = sum(n for code, n in summary.status_counts.items() if code.has_point)
-    scope = "" if len(result.person_ids) == 1 else " of tracked people"
+    people = "tracked people" if result.has_identities else "people"
+    scope = "" if len(result.person_ids) == 1 else f" of {people}"
     share = with_points / summary.n_points if summary.n_points else math.nan
     say(f"{percent(share)} of the points{scope} have coordinates (layer {layer})")
     if with_points:
@@ -77,7 +79,9 @@ def _describe_points(result: Reconstruction, layer: LayerName, summary: "Summary
     for code, n in summary.status_counts.items():
         if not code.has_point:
             say(f"missing: {count(n, 'point')}, {PointStatus(code).sentence}")
-    if len(result.person_ids) != 1 or result.events:
+    if not result.has_identities:
+        say(people_per_frame(result))
+    elif len(result.person_ids) != 1 or result.events:
         _describe_people(result, layer)
     if not with_points and summary.n_points:
         totals = zip(summary.view_status_counts.sum(axis=0), ViewStatus, strict=True)

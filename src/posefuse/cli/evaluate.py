@@ -25,6 +25,12 @@ StateName = Literal["tentative", "active", "lost"]
 UNDEFINED = "-"
 """Text for a number that is not defined."""
 
+_OF_IDENTITIES = {
+    "mota", "switches", "fragments", "mostly_tracked", "mostly_lost", "identity", "hota", "recall_after_entry",
+    "entry_s", "people", "ghosts", "jitter", "bone_variation", "bone_variation_of", "undefined",
+}  # fmt: skip
+"""Numbers of :class:`PeopleScores` that follow people over time."""
+
 
 @dataclass(frozen=True)
 class ScoringFlags:
@@ -97,16 +103,26 @@ def evaluate(
         scores = evaluate_files(reconstruction, truth, scoring.options(), length_unit=length_unit)
     else:
         scores = self_consistency(reconstruction)
+    numbers = plain(asdict(scores))
+    if not reconstruction.has_identities:
+        numbers = without_identities(numbers)
     target = json_file or path.parent / "evaluation.json"
     with replacing(target) as temporary:
-        temporary.write_text(json.dumps(plain(asdict(scores)), indent=2, allow_nan=False) + "\n", "utf-8")
+        temporary.write_text(json.dumps(numbers, indent=2, allow_nan=False) + "\n", "utf-8")
     if isinstance(scores, SelfConsistency):
         show_self_consistency(scores)
     elif isinstance(scores, Accuracy):
         show(scores)
     else:
-        show_people(scores)
+        show_people(scores, reconstruction.has_identities)
     note(f"Wrote {target}")
+
+
+def without_identities(value: object) -> object:
+    """Return the numbers of :class:`PeopleScores` that are defined for unrelated frames."""
+    if isinstance(value, Mapping):
+        return {name: without_identities(inner) for name, inner in value.items() if name not in _OF_IDENTITIES}
+    return [without_identities(inner) for inner in value] if isinstance(value, list) else value
 
 
 def plain(value: object) -> object:
@@ -175,13 +191,19 @@ def _consistency_row(person: "PersonConsistency") -> list[str]:
     ]
 
 
-def show_people(scores: "PeopleScores") -> None:
-    """Print the scores of several people."""
+def show_people(scores: "PeopleScores", identities: bool = True) -> None:
+    """Print the scores of several people; in unrelated frames, those that need no identities."""
     note(
         f"layer {scores.layer} against the truth, by {scores.matched_by}: {count(scores.n_frames, 'frame')}, "
         f"{count(scores.n_keypoints, 'keypoint')}, {scores.n_people} people for {scores.n_true_people}"
     )
-    table(None, ["matched within", *(f"{each.gate_m:g} m" for each in scores.clear)], _clear_rows(scores))
+    heads = ["matched within", *(f"{each.gate_m:g} m" for each in scores.clear)]
+    if not identities:
+        table(None, heads, _detection_rows(scores))
+        table(None, ["", ""], [*_position_rows(scores), *_quality_rows(scores)[2:]])
+        note("Frames are unrelated (`people='stills'`), so scores of identities and motion are undefined.")
+        return
+    table(None, heads, _clear_rows(scores))
     table(None, ["", ""], [*_identity_rows(scores), *_position_rows(scores), *_quality_rows(scores)])
     table(None, ["in the truth", "in the result", "frames", "tracked", "same name", "MPJPE"], _person_rows(scores))
     for reason in dict.fromkeys(scores.undefined.values()):
@@ -191,13 +213,19 @@ def show_people(scores: "PeopleScores") -> None:
 def _clear_rows(scores: "PeopleScores") -> list[list[str]]:
     return [
         ["MOTA", *(_share(each.mota) for each in scores.clear)],
+        *_detection_rows(scores),
+        ["identity switches", *(str(each.switches) for each in scores.clear)],
+        ["fragments", *(str(each.fragments) for each in scores.clear)],
+        ["mostly tracked / lost", *(f"{each.mostly_tracked} / {each.mostly_lost}" for each in scores.clear)],
+    ]
+
+
+def _detection_rows(scores: "PeopleScores") -> list[list[str]]:
+    return [
         ["MOTP", *(_number(each.motp_mm, "mm") for each in scores.clear)],
         ["recall", *(_share(each.recall) for each in scores.clear)],
         ["missed", *(f"{each.misses} of {each.n_true}" for each in scores.clear)],
         ["false people", *(f"{each.false_people} of {each.n_found}" for each in scores.clear)],
-        ["identity switches", *(str(each.switches) for each in scores.clear)],
-        ["fragments", *(str(each.fragments) for each in scores.clear)],
-        ["mostly tracked / lost", *(f"{each.mostly_tracked} / {each.mostly_lost}" for each in scores.clear)],
     ]
 
 

@@ -67,7 +67,8 @@ def reconstruct(
 
         options = replace(options, sync=read_sync(sync))
     outcome = reconstruct_recording(recording, output, options, inputs=inputs.paths(edits), also=also, progress=Bars())
-    describe_result(outcome.open())
+    result = outcome.open()
+    describe_result(result)
     for remark in outcome.remarks:
         note(f"note: {remark}")
     wrote(outcome.files, output, layer_remark(outcome.files, outcome.layer, also))

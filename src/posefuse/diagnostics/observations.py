@@ -151,7 +151,7 @@ def _informative_columns(observations: TrackedObservations) -> np.ndarray:
     """
     seen = np.isfinite(observations.pixels[..., 0])
     shared = np.minimum(seen.sum(axis=1), 4) - 1
-    weight = np.maximum(shared, 0).mean(axis=0)
+    weight = np.maximum(shared, 0).sum(axis=0) / max(len(shared), 1)
     core = np.isin(observations.keypoint_index, observations.skeleton.core_indices)
     order = np.lexsort((np.arange(len(weight)), -weight, ~core))
     selected = [int(c) for c in order if weight[c] > _MIN_SHARED_VIEWS][:_MAX_COLUMNS]

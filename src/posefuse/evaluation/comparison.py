@@ -160,9 +160,9 @@ def acceleration_m_s2(result: Reconstruction) -> float | None:
     """Return the median acceleration over three consecutive frames, which contains motion and jitter.
 
     Returns:
-        m/s², None without a frame rate, NaN if no point occurs in three consecutive frames.
+        m/s², None without a frame rate and in unrelated frames, NaN if no point occurs in three consecutive frames.
     """
-    if result.rate_hz is None:
+    if result.rate_hz is None or not result.has_identities:
         return None
     points = np.asarray(result.layers["measured"].points_m[:])
     in_a_row = result.frame_numbers[2:] - result.frame_numbers[:-2] == 2

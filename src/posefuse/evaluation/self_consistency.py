@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from posefuse.errors import ResultError
 from posefuse.evaluation.accuracy import bone_variation, median_reprojection_px
 from posefuse.evaluation.motion import accelerations_m_s2
 from posefuse.model.reconstruction import Reconstruction
@@ -73,7 +74,16 @@ class SelfConsistency:
 
 
 def self_consistency(result: Reconstruction) -> SelfConsistency:
-    """Return the self-consistency of ``options.layer`` or of the best layer."""
+    """Return the self-consistency of ``options.layer`` or of the best layer.
+
+    Raises:
+        ResultError: if the frames of the result are unrelated.
+    """
+    if not result.has_identities:
+        raise ResultError(
+            "Self-consistency follows people over time, but the frames are unrelated (`people='stills'`). Evaluate the "
+            "result with its ground truth."
+        )
     name, layer = result.best_layer(result.options.layer)
     points = np.asarray(layer.points_m[:])
     sizes = accelerations_m_s2(points, result.time_s)

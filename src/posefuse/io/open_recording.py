@@ -65,7 +65,7 @@ def open_recording(
         inputs: paths of inputs that are not found in the folder or are ambiguous there.
         options: options of the command that reads it (units, up axis, skeleton, frame rate).
         progress: receives the progress of reading.
-        timed: whether to refuse keypoints without frame times.
+        timed: whether to refuse keypoints without frame times, unless the options say that frames are unrelated.
 
     Raises:
         PosefuseError: if an input is missing, ambiguous or broken, or ``timed`` and no frame rate is known.
@@ -82,7 +82,7 @@ def open_recording(
         known = read_cameras(calibration, length_unit=options.length_unit, up=options.up)
     detections = read_keypoints(keypoints, _request(options, progress or Silent(), timestamps, nearby))
     rig = known or uncalibrated_camera(detections, options.image_size)
-    if timed:
+    if timed and options.people != "stills":
         require_times(detections)
     return OpenedRecording(rig, detections, digests)
 
@@ -145,7 +145,7 @@ def require_times(detections: Detections) -> None:
     if detections.rate_hz is None and not (detections.time_s == detections.time_s).any():
         raise DetectionsError(
             "The keypoint files do not specify their frame rate, which the results need. Add `rate_hz=60` (or the "
-            "frame rate of your videos)."
+            "frame rate of your videos), or `people='stills'` if the frames are unrelated."
         )
 
 

@@ -135,7 +135,8 @@ def find_inputs(
         problems.append(str(error))
     if calibration is not None and keypoints is not None:
         return InputPaths(calibration, keypoints)
-    if candidates and _lacks_rate(folder, candidates[0], options or Options()):
+    options = options or Options()
+    if candidates and options.people != "stills" and _lacks_rate(folder, candidates[0], options):
         problems.append("The keypoint files and the files beside them specify no frame rate. Add `rate_hz`.")
     raise RecordingError("\n".join(problems))
 

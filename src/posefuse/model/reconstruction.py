@@ -220,6 +220,11 @@ class Reconstruction:
         return len(self.frame_numbers)
 
     @property
+    def has_identities(self) -> bool:
+        """Whether a person of one frame is the same in the others, which does not hold for unrelated still frames."""
+        return self.resolved.people != "stills"
+
+    @property
     def retimed(self) -> np.ndarray:
         """Whether a view's points were interpolated in time to the frame's time, shape (frame, view), bool.
 

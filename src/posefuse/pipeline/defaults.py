@@ -1,5 +1,6 @@
 """Resolve the options that depend on the recording: its length, its cameras and its people."""
 
+import math
 import warnings
 from dataclasses import dataclass, replace
 
@@ -8,10 +9,14 @@ import numpy as np
 from posefuse.errors import DetectionsError, OptionsError, PosefuseWarning
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
+from posefuse.pipeline.people.stills import STILLS, resolve_still_options
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.triangulation.registry import find_method
 
 _MIN_TRAJECTORY_S = 10.0
+_MAX_TRACKED_INTERVAL_S = 2.0
+"""Longest time between frames that motion models bridge: in 2 s, a person walks 2.5 m and turns around."""
+
 _CHUNK_BYTES, _BYTES_PER_KEYPOINT, _MIN_CHUNK_FRAMES = 600_000_000, 130, 256
 """Approximate memory of a chunk; memory per detected keypoint, measured with eight cameras; and the chunk length below
 which most of the work would be the context around a chunk."""
@@ -29,6 +34,7 @@ class RecordingFacts:
         timed: whether frame times or a frame rate are known.
         duration_s: length of the recording; 0 where no times are known.
         skeleton: skeleton of the detections.
+        interval_s: median time between frames; NaN where no times are known.
     """
 
     n_frames: int
@@ -38,6 +44,7 @@ class RecordingFacts:
     timed: bool
     duration_s: float
     skeleton: Skeleton
+    interval_s: float = math.nan
 
     @classmethod
     def of(cls, detections: Detections) -> "RecordingFacts":
@@ -49,8 +56,23 @@ class RecordingFacts:
             several_people=bool((detections.people_counts > 1).any()),
             timed=detections.rate_hz is not None or bool(np.isfinite(np.asarray(detections.time_s)).any()),
             duration_s=_duration_s(detections),
+            interval_s=_interval_s(detections),
             skeleton=detections.skeleton,
         )
+
+    @property
+    def unrelated(self) -> bool:
+        """Whether frames are too far apart for tracking."""
+        return self.interval_s > _MAX_TRACKED_INTERVAL_S
+
+
+def _interval_s(detections: Detections) -> float:
+    if detections.rate_hz is not None:
+        return 1.0 / detections.rate_hz
+    times = np.asarray(detections.time_s)
+    known = np.isfinite(times)
+    frame_s = np.where(known, times, 0.0).sum(axis=1)[known.any(axis=1)] / known.sum(axis=1)[known.any(axis=1)]
+    return float(np.median(np.diff(frame_s))) if len(frame_s) > 1 else math.nan
 
 
 def _duration_s(detections: Detections) -> float:
@@ -83,8 +105,15 @@ def cut_time(detections: Detections, options: Options) -> Detections:
 
 
 def resolve_options(options: Options, facts: RecordingFacts, n_cameras: int) -> Options:
-    """Resolve the options that do not depend on the triangulation method: people and chunk length."""
-    return resolve_chunk_frames(resolve_people(options, facts, n_cameras), facts)
+    """Resolve the options that do not depend on the triangulation method: people and chunk length.
+
+    Raises:
+        OptionsError: if frames are unrelated and the options ask for what needs consecutive frames.
+    """
+    options = resolve_people(options, facts, n_cameras)
+    if options.people == STILLS:
+        options = resolve_still_options(options, n_cameras)
+    return resolve_chunk_frames(options, facts)
 
 
 def resolve_chunk_frames(options: Options, facts: RecordingFacts) -> Options:
@@ -96,14 +125,14 @@ def resolve_chunk_frames(options: Options, facts: RecordingFacts) -> Options:
 
 
 def resolve_people(options: Options, facts: RecordingFacts, n_cameras: int) -> Options:
-    """Resolve ``people = "auto"``: many, if a view ever shows several people.
+    """Resolve ``people = "auto"``: many, or stills if frames are far apart, if a view ever shows several people.
 
     One camera cannot locate people.
     """
     if options.people != "auto":
         return options
     several = facts.several_people and n_cameras > 1 and options.pick is None
-    return replace(options, people="many" if several else "one")
+    return replace(options, people=("stills" if facts.unrelated else "many") if several else "one")
 
 
 def resolve_method(options: Options, facts: RecordingFacts, n_cameras: int) -> tuple[Options, tuple[str, ...]]:
@@ -174,6 +203,6 @@ def resolve_solve(options: Options, facts: RecordingFacts, n_cameras: int) -> Op
     if options.solve != "auto":
         return options
     over_time = find_method(options.triangulation.method).supports_trajectory
-    long_enough = facts.duration_s >= _MIN_TRAJECTORY_S
+    long_enough = facts.duration_s >= _MIN_TRAJECTORY_S and not facts.unrelated
     together = options.people == "one" and n_cameras > 1 and over_time and long_enough
     return replace(options, solve="trajectory" if together else "frame")

@@ -16,6 +16,7 @@ from posefuse.model.options.sync import SyncOptions
 from posefuse.model.subjects import Subjects
 from posefuse.pipeline.defaults import RecordingFacts, cut_time, resolve_people
 from posefuse.pipeline.people.find_subjects import find_subjects
+from posefuse.pipeline.people.stills import STILLS
 from posefuse.pipeline.plan import Plan
 from posefuse.preprocess.match_cameras import match_views
 from posefuse.progress import Progress, Silent
@@ -24,9 +25,9 @@ from posefuse.progress import Progress, Silent
 def check_recording(plan: Plan) -> Plan:
     """Return the plan with the findings of a short recording check.
 
-    One camera cannot be checked, and ``health = "off"`` disables the check.
+    One camera and unrelated frames cannot be checked, and ``health = "off"`` disables the check.
     """
-    if len(plan.rig) == 1 or plan.options.health == "off":
+    if len(plan.rig) == 1 or plan.options.health == "off" or plan.options.people == STILLS:
         return plan
     return replace(plan, findings=recording_check.find_faults(plan.rig, plan.detections, plan.subjects, SHORT))
 
@@ -118,4 +119,10 @@ def _with_subjects(
     if detections.n_frames == 0:
         raise DetectionsError("The recording is empty: it has no frames.")
     options = resolve_people(replace(options, bodies="none"), RecordingFacts.of(detections), len(rig))
+    if options.people == STILLS:
+        raise DetectionsError(
+            "The recording check and the measurement of time offsets compare consecutive frames, but these are "
+            "unrelated (`people='stills'`, which \"auto\" selects for frames more than 2 s apart). `people='many'` "
+            "tracks people nevertheless."
+        )
     return rig, detections, find_subjects(rig, detections, options, progress)[0]

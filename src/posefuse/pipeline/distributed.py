@@ -27,8 +27,7 @@ from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.result_ranges import FrameRange
-from posefuse.model.subjects import Subjects
-from posefuse.model.tracks import Tracks
+from posefuse.model.subjects import FixedSubjects, Subjects
 from posefuse.pipeline.measured_layer import context_frames, measure
 from posefuse.pipeline.people.find_subjects import find_subjects
 from posefuse.pipeline.people.stitching import StitchedPeople, stitch
@@ -94,17 +93,6 @@ class PieceRunner:
         for path in todo:
             path.unlink()
         return names
-
-
-@dataclass(frozen=True, eq=False)
-class FixedSubjects:
-    """A known assignment of detections to people."""
-
-    recording_tracks: Tracks
-
-    def tracks(self, start: int, stop: int) -> Tracks:
-        """Return the assignment in a range of frames."""
-        return self.recording_tracks.frames(start, stop)
 
 
 def is_long(detections: Detections, options: Options, window_s: float) -> bool:

@@ -18,6 +18,7 @@ from posefuse.model.result_ranges import FrameRange
 from posefuse.model.tracks import Tracks
 from posefuse.pipeline import solved_layer
 from posefuse.pipeline.people import WholeSmoother
+from posefuse.pipeline.people.stills import STILLS
 from posefuse.pipeline.plan import Plan, empty_result
 from posefuse.pipeline.solved_layer import LayerSolver
 from posefuse.progress import Progress, report_ranges
@@ -176,7 +177,7 @@ def measure(plan: Plan, start: int, stop: int, smoother: WholeSmoother | None = 
 
 def context_frames(plan: Plan) -> int:
     """Return the number of frames before and after a range from which its sides are decided."""
-    if plan.options.pairs == "labels":
+    if plan.options.pairs == "labels" or plan.options.people == STILLS:
         return 0
     return min(round(_CONTEXT_S * (plan.detections.rate_hz or 30.0)), _MAX_CONTEXT_FRAMES)
 

@@ -38,6 +38,7 @@ from posefuse.pipeline.people.find_subjects import (
     frames_tracked,
     people_notes,
 )
+from posefuse.pipeline.people.stills import STILLS, stills_note
 from posefuse.pipeline.people.trackers import unmodeled_note
 from posefuse.pipeline.plan import Plan
 from posefuse.pipeline.solved_layer import LayerSolver, Postprocess, Step
@@ -137,6 +138,8 @@ def examine(
     # Options that depend on the recording.
     facts = RecordingFacts.of(detections)
     options = resolve_options(options, facts, len(rig))
+    if options.people == STILLS:
+        notes = (*notes, stills_note(requested, facts.interval_s))
     # Time offsets of the views, and weights of the detections.
     shifted, weight_notes = None, ()
     if not options.sync.does_nothing:
@@ -296,7 +299,10 @@ def with_up(plan: Plan) -> Plan:
         return plan
     if plan.sample_m is None:
         plan = with_sample(plan)
-    up, reason = infer_up(sample_points(plan), plan.detections.skeleton, plan.rig, plan.detections.rate_hz)
+    parts = sample_points(plan)
+    if plan.options.people == STILLS:
+        parts = [part[i : i + 1] for part in parts for i in range(len(part))]
+    up, reason = infer_up(parts, plan.detections.skeleton, plan.rig, plan.detections.rate_hz)
     rig = plan.rig.with_up(None, up)
     return replace(plan, rig=rig, provenance=plan.provenance.with_notes((describe_up(up, reason),)))
 

@@ -15,7 +15,9 @@ from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import LayerName, Options
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.pipeline.defaults import RecordingFacts, resolve_people
 from posefuse.pipeline.measured_layer import reconstruct_chunks
+from posefuse.pipeline.people.stills import STILLS
 from posefuse.pipeline.plan import Plan
 from posefuse.pipeline.reconstruct import used_inputs, with_method
 from posefuse.pipeline.solved_layer import mean_times
@@ -83,6 +85,7 @@ def require_possible_formats(also: Sequence[str], rig: CameraRig, detections: De
     facts = ResultFacts(
         "px" if len(rig) == 1 else "m", detections.skeleton, rig.names, detections.frame_numbers,
         mean_times(detections), detections.rate_hz,
+        has_identities=resolve_people(options, RecordingFacts.of(detections), len(rig)).people != STILLS,
     )  # fmt: skip
     try:
         require_formats(also, facts)

@@ -75,8 +75,8 @@ class PageData:
 
     @cached_property
     def gaps(self) -> list[Gap]:
-        """The longest intervals without a measurement."""
-        return find_gaps(self.series)
+        """The longest intervals without a measurement; none in unrelated frames."""
+        return find_gaps(self.series) if self.result.has_identities else []
 
     @cached_property
     def scene(self) -> tuple[dict[str, Any], str]:
@@ -115,7 +115,8 @@ class Section:
 
 
 def _people(page: PageData) -> str:
-    misses = count_misses(page.parts, page.layer) if page.has_several_people else None
+    counted = page.has_several_people and page.result.has_identities
+    misses = count_misses(page.parts, page.layer) if counted else None
     return people_section(page.result, summarize_people(page.parts, page.layer), misses)
 
 
@@ -136,7 +137,7 @@ SECTIONS = (
     Section("keypoints", lambda page: tables.keypoint_table(page.result, page.summary, page.heat_map)),
     Section("swaps", lambda page: swap_section(page.result, page.summary)),
     Section("gaps", lambda page: tables.gap_section(page.result, page.gaps)),
-    Section("bones", lambda page: tables.bone_section(page.result, page.series)),
+    Section("bones", lambda page: tables.bone_section(page.result, page.series) if page.result.has_identities else ""),
     Section("notes", lambda page: tables.notes_list(page.result)),
     Section("options", lambda page: tables.options_table(page.result.resolved)),
     Section("versions", _versions),

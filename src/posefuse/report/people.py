@@ -75,6 +75,16 @@ def _summarize_person(
     )
 
 
+def people_per_frame(result: Reconstruction) -> str:
+    """Return a sentence on the number of people in unrelated frames."""
+    assert result.tracks is not None
+    numbers = (np.asarray(result.tracks.state[:]) != TrackState.ABSENT).sum(axis=1)
+    return (
+        f"{numbers.sum()} people in {(numbers > 0).sum()} of {result.n_frames} frames, at most "
+        f"{numbers.max(initial=0)} in one frame"
+    )
+
+
 def track_timeline(result: Reconstruction) -> dict[str, Any] | None:
     """Return the data of the track state chart, or None for a single person without events.
 
@@ -83,7 +93,7 @@ def track_timeline(result: Reconstruction) -> dict[str, Any] | None:
         index after the last one); events as (frame index, row, kind, reason, frame number); and the times of the frames
         in s, or their numbers if a time is unknown, with the unit.
     """
-    if result.tracks is None or (len(result.person_ids) == 1 and not result.events):
+    if result.tracks is None or not result.has_identities or (len(result.person_ids) == 1 and not result.events):
         return None
     state = np.asarray(result.tracks.state[:])
     timed = bool(np.isfinite(result.time_s).all())
@@ -131,6 +141,9 @@ def people_section(result: Reconstruction, people: Sequence[PersonSummary], miss
         return ""
     if not result.person_ids:
         return "<section><h2>People</h2><p>No person was found.</p></section>"
+    if not result.has_identities:
+        text = f"Frames are unrelated: numbers of people are not identities. {people_per_frame(result)}."
+        return f"<section><h2>People</h2><p>{text}</p></section>"
     hint = (
         "" if not result.events else " Markers are events: hover over one to see its reason, click it to see its frame."
     )

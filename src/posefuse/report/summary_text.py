@@ -7,7 +7,7 @@ from posefuse.evaluation.people import PeopleScores
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus
 from posefuse.report.messages import message_html
-from posefuse.report.people import format_event_counts
+from posefuse.report.people import format_event_counts, people_per_frame
 from posefuse.report.summary import Summary, format_sources, layer_origin
 
 
@@ -29,9 +29,11 @@ def summary_paragraphs(
 def _describe_input(result: Reconstruction, summary: Summary) -> list[str]:
     one, several = ("person", "people") if "left_hip" in result.skeleton.keypoints else ("subject", "subjects")
     people = f"1 {one}" if len(result.person_ids) == 1 else f"{len(result.person_ids)} {several}"
+    if not result.has_identities:
+        people = f"{people_per_frame(result)} (unrelated frames)"
     length = f" ({result.n_frames / result.rate_hz:.1f} s at {result.rate_hz:g} Hz)" if result.rate_hz else ""
     cameras = "1 camera" if len(result.rig) == 1 else f"{len(result.rig)} cameras"
-    scope = "" if len(result.person_ids) == 1 else f"of tracked {several} "
+    scope = "" if len(result.person_ids) == 1 else f"of {'tracked ' if result.has_identities else ''}{several} "
     n_with_point = _n_with_point(summary)
     sentences = [
         f"{people}, {len(result.skeleton)} keypoints ({result.skeleton.name}), {result.n_frames} frames{length}, "

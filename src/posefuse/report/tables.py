@@ -158,8 +158,8 @@ def bone_section(result: Reconstruction, series: TimeSeries) -> str:
 
 
 def gap_section(result: Reconstruction, gaps: list[Gap]) -> str:
-    """Return the section on gaps as HTML, with a table of the longest ones."""
-    if not result.person_ids:
+    """Return the section on gaps as HTML, with a table of the longest ones; empty for unrelated frames."""
+    if not result.person_ids or not result.has_identities:
         return ""
     rows = []
     for gap in gaps:

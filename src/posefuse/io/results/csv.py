@@ -176,6 +176,7 @@ FORMAT = ResultFormat(
     files="keypoints.csv (measured), solved.csv, model.csv; angles.csv, events.csv",
     conventions="tidy: one row per frame, person and keypoint; meters, world axes; missing is empty",
     lacks="covariances between the axes, and which views",
+    holds_stills=True,
     endings=(".csv",),
     matches=matches,
     read=read,

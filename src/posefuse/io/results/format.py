@@ -30,6 +30,7 @@ class ResultFacts:
         frame_numbers: shape (frame,), increasing.
         time_s: shape (frame,), NaN if unknown.
         rate_hz: frame rate, or None if unknown.
+        has_identities: False for unrelated frames, whose people are numbered in each frame.
     """
 
     unit: str
@@ -38,12 +39,14 @@ class ResultFacts:
     frame_numbers: np.ndarray
     time_s: np.ndarray
     rate_hz: float | None
+    has_identities: bool = True
 
     @classmethod
     def of(cls, result: Reconstruction) -> "ResultFacts":
         """Return the facts of a result."""
         return cls(
-            result.unit, result.skeleton, result.rig.names, result.frame_numbers, result.time_s, result.rate_hz
+            result.unit, result.skeleton, result.rig.names, result.frame_numbers, result.time_s, result.rate_hz,
+            result.has_identities,
         )  # fmt: skip
 
     @property
@@ -79,6 +82,7 @@ class ResultFormat(Format):
         write_figure: Write the articulated body of one person to a file. Returns notes.
         write_result: Write the people of a result, with every field that the format can hold. Returns notes.
         holds_every_layer: Whether a file holds all layers.
+        holds_stills: Whether it holds people of unrelated frames, who have no identities.
         holds_measured_layer: Whether a file of another layer also holds the measured layer.
         is_folder: Whether a result is a folder.
         name_words: Words of a file name that select this format among those with the same ending. Without any,
@@ -99,6 +103,7 @@ class ResultFormat(Format):
     write_figure: FigureWriter | None = None
     write_result: ResultWriter | None = None
     holds_every_layer: bool = False
+    holds_stills: bool = False
     holds_measured_layer: bool = False
     is_folder: bool = False
     name_words: tuple[str, ...] = ()

@@ -311,6 +311,7 @@ FORMAT = ResultFormat(
     name="netcdf",
     files="reconstruction.nc",
     conventions="netCDF-4; meters, world axes; every layer and field; lossless",
+    holds_stills=True,
     endings=(".nc",),
     holds_every_layer=True,
     read_result=read_reconstruction,

@@ -144,6 +144,7 @@ FORMAT = ResultFormat(
         "the tidy CSV's columns, covariances and views; meters, world axes; cameras and options in the metadata"
     ),
     additional_name="points.parquet",
+    holds_stills=True,
     endings=(".parquet",),
     matches=matches,
     read=read,

@@ -61,6 +61,8 @@ def write(
     path = Path(path)
     check_texts([*result.person_ids, *result.rig.names, *result.skeleton.keypoints, result.skeleton.name])
     form = _format_of(path, format)
+    if not result.has_identities:
+        require_stills_format(form)
     layer, points = result.best_layer(result.options.layer)
     if form.write_figure is not None or form.write_result is not None:
         return _write_bodies(result, path, form, layer)
@@ -79,6 +81,19 @@ def write(
     others = _others(result, layer)
     omissions = (f"{form.name}: the layer {layer}; without {choices(others)}.",) if others else ()
     return WrittenResult(files, layer, (*omissions, *_lacks(form, result, path)))
+
+
+def require_stills_format(form: ResultFormat) -> None:
+    """Refuse a format that follows people over time for unrelated frames.
+
+    Raises:
+        ResultError: if the format is one of these.
+    """
+    if not form.holds_stills:
+        raise ResultError(
+            f"The format {form.name} follows each person over time, but the frames are unrelated (`people='stills'`). "
+            f"Formats: {choices([each.name for each in RESULTS.written() if each.holds_stills])}."
+        )
 
 
 def _others(result: Reconstruction, layer: LayerName) -> list[str]:
@@ -164,7 +179,11 @@ def require_formats(also: Sequence[str], facts: ResultFacts) -> None:
     """
     for name in also:
         form = RESULTS.find_written(name)
-        if form is not None and form.require is not None:
+        if form is None:
+            continue
+        if not facts.has_identities:
+            require_stills_format(form)
+        if form.require is not None:
             form.require(facts)
 
 
@@ -212,7 +231,7 @@ def write_folder(
     """Write every default output of a reconstruction except ``reconstruction.nc``.
 
     The outputs are one CSV per layer, ``events.csv`` and ``angles.csv`` if the result has events or angles, and one TRC
-    and one C3D per person who is present in some frame.
+    and one C3D per person who is present in some frame, unless frames are unrelated.
 
     Args:
         result: the result to write.
@@ -241,6 +260,8 @@ def write_folder(
         csv.write_columns(columns, folder / file_name)
         files.append(file_name)
     layer, points = result.best_layer(result.options.layer)
+    if not result.has_identities:
+        return files, layer, ()
     # The frames are read once per file, so the other layers are left out.
     bare = replace(result, layers={layer: points}, tracks=None, swaps=None, poses=None, events=())
     people = people_with_frames(result)

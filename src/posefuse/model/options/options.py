@@ -24,7 +24,7 @@ from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.model.options.triangulation import TriangulationOptions
 
-People = Literal["auto", "one", "many"]
+People = Literal["auto", "one", "many", "stills"]
 Bodies = Literal["auto", "fit", "none"]
 Switch = Literal["on", "off"]
 Pick = Literal["largest", "track-id"]
@@ -39,7 +39,8 @@ class Options:
     """All options of a reconstruction.
 
     Attributes:
-        people: Number of people: one, many or auto. "auto" counts them.
+        people: People to find: one, many, stills or auto. "stills" associates unrelated frames one by one; "auto"
+            counts people, and selects "stills" if frames are far apart.
         person: Names of the people to keep, such as person_1; all by default.
         bodies: Fit articulated models: auto, fit or none. "auto" fits them to several people, "fit" also to one.
         pick: Person to use if a view shows several: largest or track-id. Without it, all people are kept, or with

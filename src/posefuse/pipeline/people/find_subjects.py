@@ -14,6 +14,7 @@ from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
 from posefuse.model.subjects import Subjects
 from posefuse.model.tracks import TrackState
+from posefuse.pipeline.people.stills import STILLS, associate_stills
 from posefuse.pipeline.people.track_recording import track_people, track_subject
 from posefuse.pipeline.people.tracked_people import TrackedPeople
 from posefuse.pipeline.people.trackers import warn_of_unused_options
@@ -57,6 +58,8 @@ def find_subjects(
         people = track_people(rig, detections, options, progress, checkpoint)
         people = people.only(options.person) if options.person else people
         return people, None if options.bodies == "none" else people
+    if options.people == STILLS:
+        return associate_stills(rig, detections, options, progress), None
     subject = _find_subject(rig, detections, options, progress, checkpoint)
     if options.bodies != "fit":
         return subject, None
