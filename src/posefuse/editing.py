@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from posefuse.arguments import checked
 from posefuse.arrays import ranges
 from posefuse.errors import EditError, choices, suggestion
 from posefuse.model.detections import CHUNK_FRAMES
@@ -39,6 +40,7 @@ class _IdentityTable:
     source: np.ndarray
 
 
+@checked
 def apply_edits(result: Reconstruction, edits: Sequence[Edit]) -> Reconstruction:
     """Return the result with edited identities, in memory.
 

@@ -13,6 +13,7 @@
     ├── CalibrationError   the observations do not determine the cameras
     ├── StreamError        the source of a live stream cannot be opened or reached
     ├── EditError          an edit cannot be applied to a result
+    ├── ArgumentError      an argument of a public function has the wrong type or shape (also a TypeError)
     └── ResultError        a result is invalid, or a format cannot hold it
         └── LayerError     a result does not have a layer (also a KeyError)
 
@@ -75,6 +76,10 @@ class EditError(PosefuseError):
 
 class ResultError(PosefuseError):
     """A result is invalid, or a format cannot hold it."""
+
+
+class ArgumentError(PosefuseError, TypeError):
+    """An argument of a public function has the wrong type or shape."""
 
 
 class LayerError(ResultError, KeyError):

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from posefuse.arguments import checked
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.refinement import Refine
 
@@ -45,6 +46,7 @@ class CameraOutcome:
     focal_sd: float
 
 
+@checked
 @dataclass(frozen=True)
 class Refinement:
     """Hold a refined calibration and its validation.

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from posefuse.arguments import checked
 from posefuse.errors import ResultError, choices
 from posefuse.evaluation.consistency import consistency, normalized_squares
 from posefuse.model.reconstruction import Layer, Reconstruction, unpack_covariance
@@ -78,6 +79,7 @@ class Accuracy:
     missing_share_of: Mapping[str, float]
 
 
+@checked
 def evaluate(result: Reconstruction, truth: Truth) -> Accuracy:
     """Compare one person of a result with ground truth.
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from posefuse.arguments import checked
 from posefuse.errors import ResultError, choices
 from posefuse.evaluation.accuracy import Truth, interpolated
 from posefuse.evaluation.matching import is_here
@@ -29,6 +30,7 @@ class KeypointSet:
     points_m: np.ndarray
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class PeoplePoints:
     """A result and its ground truth on the same frames and keypoints.
@@ -102,6 +104,7 @@ def only_in_states(result: Reconstruction, states: Collection[TrackState]) -> Re
     return replace(result, layers=layers)
 
 
+@checked
 def people_points(result: Reconstruction, truth: Reconstruction) -> PeoplePoints:
     """Pair a result with another reconstruction, such as the truth of a simulation, on common frames.
 

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
+from posefuse.arguments import checked
 from posefuse.errors import ResultError, choices
 from posefuse.evaluation.consistency import Consistency, consistency, normalized_squares
 from posefuse.evaluation.head_points import JOINTS, HeadRule, joints_14
@@ -41,6 +42,7 @@ from posefuse.evaluation.pcp import PartScores, part_scores, pck
 _GATES_M, _PCK_M = (GATE_M, 0.25), (0.05, 0.1, 0.15)
 
 
+@checked
 @dataclass(frozen=True)
 class ScoringOptions:
     """Options of the scores.
@@ -148,6 +150,7 @@ class PeopleScores:
     undefined: Mapping[str, str] = field(default_factory=dict)
 
 
+@checked
 def score_people(data: PeoplePoints, options: ScoringOptions = ScoringOptions()) -> PeopleScores:
     """Return all scores of several people.
 

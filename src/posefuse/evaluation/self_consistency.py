@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from posefuse.arguments import checked
 from posefuse.errors import ResultError
 from posefuse.evaluation.accuracy import bone_variation, median_reprojection_px
 from posefuse.evaluation.motion import accelerations_m_s2
@@ -73,6 +74,7 @@ class SelfConsistency:
     people: tuple[PersonConsistency, ...]
 
 
+@checked
 def self_consistency(result: Reconstruction) -> SelfConsistency:
     """Return the self-consistency of ``options.layer`` or of the best layer.
 

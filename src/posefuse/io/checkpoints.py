@@ -21,6 +21,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, Self
 
+from posefuse.arguments import checked
 from posefuse.errors import FileError
 
 _MANIFEST = "manifest.json"
@@ -73,6 +74,7 @@ def _explain_write_errors(path: Path) -> Iterator[None]:
         ) from None
 
 
+@checked
 class CheckpointFolder:
     """Stores parts in a folder; implements :class:`posefuse.checkpoint.Checkpoint`.
 

@@ -8,11 +8,13 @@ from typing import Any, get_type_hints
 import msgspec
 import tomli_w
 
+from posefuse.arguments import checked
 from posefuse.errors import EditError, choices, suggestion
 from posefuse.io.files import must_exist, read_toml
 from posefuse.model.edits import EDITS, Edit, name_of
 
 
+@checked
 def read_edits(path: str | Path) -> tuple[Edit, ...]:
     """Read a file of edits.
 

@@ -4,6 +4,7 @@ import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
+from posefuse.arguments import checked
 from posefuse.errors import DetectionsError
 from posefuse.io.calibration.read import read_cameras
 from posefuse.io.files import files_at, must_exist
@@ -18,6 +19,7 @@ from posefuse.preprocess.uncalibrated import uncalibrated_camera
 from posefuse.progress import Progress, Silent
 
 
+@checked
 @dataclass(frozen=True)
 class RecordingInputs:
     """Paths of a recording's inputs.

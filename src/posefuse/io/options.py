@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import tomli_w
 
+from posefuse.arguments import checked
 from posefuse.errors import OptionsError
 from posefuse.io.files import must_exist, read_toml
 from posefuse.model.noise import NoiseModel
@@ -44,6 +45,7 @@ class ProjectPaths:
 PROJECT_KEYS = tuple(field.name for field in dataclasses.fields(ProjectPaths))
 
 
+@checked
 def read_options(path: str | Path) -> Options:
     """Read options from a TOML file such as ``posefuse init`` writes.
 

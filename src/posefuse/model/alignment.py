@@ -1,9 +1,11 @@
 """The transform from the calibration's world to the world of a result."""
 
 from dataclasses import dataclass, fields
+from typing import Annotated
 
 import numpy as np
 
+from posefuse.arguments import Shape, checked
 from posefuse.arrays import PickledByFields, frozen, same
 from posefuse.errors import ResultError
 from posefuse.model.up_axis import InferredUp, UpAxis
@@ -11,6 +13,7 @@ from posefuse.model.up_axis import InferredUp, UpAxis
 _ROTATION_TOLERANCE = 1e-6
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Alignment(PickledByFields):
     """A similarity transform: ``p_aligned = scale * rotation @ p_calibration + shift_m``.
@@ -56,7 +59,7 @@ class Alignment(PickledByFields):
         if not 0 < self.scale < np.inf:
             raise ResultError(f"The scale of an alignment must be positive, got {self.scale}.")
 
-    def points(self, points_m: np.ndarray) -> np.ndarray:
+    def points(self, points_m: Annotated[np.ndarray, Shape(..., 3)]) -> np.ndarray:
         """Transform points, shape (..., 3), from the calibration's world to the aligned one."""
         return self.scale * np.asarray(points_m) @ self.rotation.T + self.shift_m
 

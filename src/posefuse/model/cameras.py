@@ -7,10 +7,11 @@ Cameras follow OpenCV: x right, y down, z forward; pixel (0, 0) is the center of
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
+from posefuse.arguments import Shape, checked
 from posefuse.arrays import PickledByFields, frozen, same
 from posefuse.errors import CameraError, MatchError, choices, suggestion
 from posefuse.kernels.records import CameraArrays
@@ -24,6 +25,7 @@ _COEFFICIENTS = {LensModel.PINHOLE: 0, LensModel.BROWN: 5, LensModel.RATIONAL: 8
 _LENS_CODES = {LensModel.PINHOLE: 0, LensModel.BROWN: 1, LensModel.RATIONAL: 2, LensModel.FISHEYE: 3}
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Camera(PickledByFields):
     """One calibrated camera.
@@ -118,7 +120,7 @@ class Camera(PickledByFields):
         """Shape (3,): camera center in world coordinates, in meters."""
         return -self.rotation.T @ self.translation_m
 
-    def project(self, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def project(self, points_m: Annotated[np.ndarray, Shape(..., 3)]) -> tuple[np.ndarray, np.ndarray]:
         """Project world points.
 
         Args:
@@ -137,7 +139,7 @@ class Camera(PickledByFields):
         shape = np.shape(points_m)[:-1]
         return pixels.reshape(*shape, 2), codes.reshape(shape)
 
-    def rays(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def rays(self, pixels: Annotated[np.ndarray, Shape(..., 2)]) -> tuple[np.ndarray, np.ndarray]:
         """Return the viewing directions of pixels, unit vectors in camera coordinates.
 
         Args:
@@ -179,6 +181,7 @@ class Camera(PickledByFields):
     __hash__ = None  # type: ignore[assignment]
 
 
+@checked
 @dataclass(frozen=True)
 class CameraRig(PickledByFields):
     """The cameras of a recording and the world they share.
@@ -271,7 +274,7 @@ class CameraRig(PickledByFields):
         fisheye = True if LensModel.FISHEYE in lenses else None
         return CameraArrays(frozen(np.stack([camera.packed for camera in self.cameras])), distorted, fisheye)
 
-    def project(self, points_m: np.ndarray) -> np.ndarray:
+    def project(self, points_m: Annotated[np.ndarray, Shape(..., 3)]) -> np.ndarray:
         """Project world points into every view.
 
         Args:

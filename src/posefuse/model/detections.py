@@ -3,10 +3,11 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
+from posefuse.arguments import Shape, checked
 from posefuse.arrays import ArraySource, check_shape, frozen, in_memory, ranges, same
 from posefuse.errors import DetectionsError, MatchError, choices, suggestion
 from posefuse.model.lazy_rows import chosen_rows
@@ -16,6 +17,7 @@ CHUNK_FRAMES = 2048
 """Default number of frames that a stage processes at a time."""
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Detections:
     """The detections of all views of a recording: one row per detection.
@@ -171,10 +173,16 @@ class Detections:
             time_s = frame_times(numbers, n_views, rate_hz)
         rows = n_frames * n_views
 
-        def flat(values: np.ndarray | None) -> np.ndarray | None:
-            return None if values is None else np.asarray(values, dtype=np.float64).reshape(rows, n_keypoints)
+        def flat(name: str, values: np.ndarray | None) -> np.ndarray | None:
+            if values is None:
+                return None
+            numbers = np.asarray(values, dtype=np.float64)
+            check_shape(
+                DetectionsError, "Detections", name, numbers, frame=n_frames, view=n_views, keypoint=n_keypoints
+            )
+            return numbers.reshape(rows, n_keypoints)
 
-        flat_confidence = flat(confidence)
+        flat_confidence = flat("confidence", confidence)
         return cls(
             skeleton=skeleton,
             view_names=tuple(view_names),
@@ -185,7 +193,7 @@ class Detections:
             confidence=np.full((rows, n_keypoints), np.nan) if flat_confidence is None else flat_confidence,
             recorded=np.ones((n_frames, n_views), dtype=bool),
             track_ids=np.full(rows, -1),
-            depth=flat(depth),
+            depth=flat("depth", depth),
             rate_hz=rate_hz,
         )
 
@@ -212,6 +220,7 @@ class Detections:
     def frames(self, start: int, stop: int) -> "Detections":
         """Return the frames ``start`` to ``stop`` (index from 0), in memory."""
         start, stop, _ = slice(start, stop).indices(self.n_frames)
+        stop = max(start, stop)
         cells = self.offsets[start * self.n_views : stop * self.n_views + 1]
         rows = slice(int(cells[0]), int(cells[-1]))
         parts: dict[str, Any] = {
@@ -238,6 +247,7 @@ class Detections:
         if in_memory(self.keypoints_px):
             return self.frames(start, stop)
         start, stop, _ = slice(start, stop).indices(self.n_frames)
+        stop = max(start, stop)
         cells = self.offsets[start * self.n_views : stop * self.n_views + 1]
         return replace(
             self,
@@ -248,7 +258,7 @@ class Detections:
             **self.rows(np.arange(int(cells[0]), int(cells[-1]))),
         )
 
-    def rows(self, rows: np.ndarray) -> dict[str, np.ndarray | None]:
+    def rows(self, rows: Annotated[np.ndarray, Shape(None)]) -> dict[str, np.ndarray | None]:
         """Return selected rows of all per-detection arrays, by name; arrays in files stay in files.
 
         Args:

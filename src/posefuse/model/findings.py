@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
+from posefuse.arguments import checked
+
 
 class FindingKind(StrEnum):
     """Enumerate the faults of a recording that the recording check can identify."""
@@ -24,6 +26,7 @@ class FindingKind(StrEnum):
     INCOMPLETE = "incomplete check"
 
 
+@checked
 @dataclass(frozen=True)
 class Finding:
     """One problem of a recording.

@@ -7,11 +7,13 @@ from functools import cached_property
 
 import numpy as np
 
+from posefuse.arguments import checked
 from posefuse.arrays import check_shape, frozen
 from posefuse.errors import DetectionsError
 from posefuse.model.detections import Detections
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Frame:
     """The detections of one frame: one row per detection, rows ordered by view.
@@ -135,6 +137,7 @@ class Frame:
                 + ". Pass one array per view, empty if it shows no person."
             )
         shapes = [np.shape(people) for people in keypoints_px]
+        _check_people(number, shapes, [np.shape(each) for each in confidence])
         keypoints = {shape[1] for shape in shapes if len(shape) == 3 and (shape[0] or shape[1])}
         if len(keypoints) > 1:
             raise DetectionsError(f"Frame {number}: views differ in the number of keypoints per person: {keypoints}.")
@@ -156,3 +159,14 @@ class Frame:
         """Return the rows of one view, shape (row,), int64."""
         first, last = np.searchsorted(self.view, [view, view + 1])
         return np.arange(first, last)
+
+
+def _check_people(number: int, keypoints: list[tuple[int, ...]], confidence: list[tuple[int, ...]]) -> None:
+    """Check the shapes of the arrays of each view; those without a person may have any."""
+    for v, (shape, trust) in enumerate(zip(keypoints, confidence, strict=True)):
+        if shape[:1] != (0,) and (len(shape) != 3 or shape[2] != 2):
+            raise DetectionsError(f"Frame {number}, view {v}: expected keypoints (person, keypoint, 2), got {shape}.")
+        if trust[:1] != (0,) and trust != shape[:2]:
+            raise DetectionsError(
+                f"Frame {number}, view {v}: expected confidences (person, keypoint) = {shape[:2]}, got {trust}."
+            )

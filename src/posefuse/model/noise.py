@@ -5,10 +5,12 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from posefuse.arguments import checked
 from posefuse.arrays import PickledByFields, frozen, same
 from posefuse.errors import OptionsError
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class NoiseModel(PickledByFields):
     """The standard deviation of a detection, per axis: ``scale_px / confidence^exponent``.

@@ -6,6 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from posefuse.arguments import checked
 from posefuse.arrays import ArrayRange, check_shape, frozen, ranges, same
 from posefuse.errors import LayerError, ResultError, choices, suggestion
 from posefuse.model.alignment import Alignment
@@ -27,6 +28,7 @@ COVARIANCE_ENTRIES = ("xx", "xy", "xz", "yy", "yz", "zz")
 _DIAGONAL = (0, 3, 5)
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Layer:
     """3D points of all people at one processing stage.
@@ -139,6 +141,7 @@ class Provenance:
         return replace(self, notes=(*self.notes, *notes))
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Reconstruction:
     """3D people of a recording.

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from posefuse.arguments import checked
 from posefuse.arrays import check_shape, frozen, same
 from posefuse.errors import ResultError
 from posefuse.model.cameras import Camera, CameraRig, UpAxis
@@ -15,6 +16,7 @@ from posefuse.model.status import PointStatus, Source
 from posefuse.skeleton.skeletons import Skeleton
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class StoredPoints:
     """One layer of 3D points, in the axes and the world of the file. Absent information is None.

@@ -6,6 +6,7 @@ from enum import IntEnum
 
 import numpy as np
 
+from posefuse.arguments import checked
 from posefuse.arrays import check_shape, same
 from posefuse.errors import ResultError
 from posefuse.kernels import status_codes
@@ -21,6 +22,7 @@ class TrackState(IntEnum):
     LOST = 3
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Tracks:
     """Assignment of detections to people over time.

@@ -5,6 +5,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from posefuse.arguments import checked
 from posefuse.errors import CameraError
 
 UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]
@@ -22,6 +23,7 @@ def up_vector(axis: UpAxis) -> tuple[float, float, float]:
     return tuple(sign * (axis[-1] == name) for name in "xyz")  # type: ignore[return-value]
 
 
+@checked
 @dataclass(frozen=True)
 class InferredUp:
     """An up direction that was inferred from upright people.

@@ -1,5 +1,6 @@
 """Calibrate the error model of a detector."""
 
+from posefuse.arguments import checked
 from posefuse.association.one_subject import SingleSubject
 from posefuse.errors import DetectionsError
 from posefuse.model.cameras import CameraRig
@@ -13,6 +14,7 @@ from posefuse.preprocess.match_cameras import match_views
 from posefuse.progress import Progress, Silent
 
 
+@checked
 def calibrate_noise(
     rig: CameraRig, detections: Detections, options: Options | None = None, *, progress: Progress | None = None
 ) -> NoiseModel:

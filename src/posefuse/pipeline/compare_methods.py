@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from time import process_time
 
+from posefuse.arguments import checked
 from posefuse.errors import DetectionsError
 from posefuse.evaluation.accuracy import Truth
 from posefuse.evaluation.comparison import Comparison, MethodNumbers, method_numbers
@@ -25,6 +26,7 @@ TruthOf = Callable[[Reconstruction], Truth | PeoplePoints]
 """Returns the known positions of a result's frames, or its people with theirs."""
 
 
+@checked
 def compare_methods(
     rig: CameraRig,
     detections: Detections,

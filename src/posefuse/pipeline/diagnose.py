@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+from posefuse.arguments import checked
 from posefuse.diagnostics import recording_check
 from posefuse.diagnostics.examine import DEEP, SHORT
 from posefuse.diagnostics.time_offsets import ViewTiming
@@ -32,6 +33,7 @@ def check_recording(plan: Plan) -> Plan:
     return replace(plan, findings=recording_check.find_faults(plan.rig, plan.detections, plan.subjects, SHORT))
 
 
+@checked
 def inspect_health(
     rig: CameraRig | str | Path,
     detections: Detections | None = None,
@@ -65,6 +67,7 @@ def inspect_health(
     return recording_check.find_faults(*_with_subjects(rig, detections, options, progress), DEEP)
 
 
+@checked
 def measure_sync(
     rig: CameraRig,
     detections: Detections,

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from posefuse.arguments import checked
 from posefuse.evaluation.accuracy import Accuracy, Truth, evaluate
 from posefuse.evaluation.paired_results import PeoplePoints
 from posefuse.evaluation.people import PeopleScores, ScoringOptions, score_people
@@ -13,6 +14,7 @@ from posefuse.model.reconstruction import Reconstruction
 Scores = Accuracy | PeopleScores
 
 
+@checked
 def evaluate_files(
     result: Reconstruction,
     truth: str | Path | Sequence[str | Path],

@@ -12,6 +12,7 @@ from posefuse.alignment.apply import combine_with_scale, identity_alignment, sca
 from posefuse.alignment.infer_up import describe_up, infer_up
 from posefuse.alignment.size import scale_factor
 from posefuse.alignment.world_axes import find_alignment
+from posefuse.arguments import checked
 from posefuse.arrays import ranges
 from posefuse.association.one_subject import SingleSubject, lone_detections
 from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
@@ -51,6 +52,7 @@ from posefuse.progress import Progress, Silent
 from posefuse.triangulation.registry import find_method
 
 
+@checked
 def reconstruct(
     rig: CameraRig,
     detections: Detections,
@@ -81,6 +83,7 @@ def reconstruct(
     return concatenate_ranges(reconstruct_chunks(plan, progress, checkpoint), plan.detections.n_frames)
 
 
+@checked
 def triangulate(rig: CameraRig, detections: Detections, options: Options | None = None) -> Reconstruction:
     """Compute the ``measured`` layer only, without filling, smoothing, solving over time or a recording check.
 

@@ -6,6 +6,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from posefuse.arguments import checked
 from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
 from posefuse.errors import PosefuseWarning, handle_warnings
 from posefuse.io.checkpoints import CheckpointFolder
@@ -35,6 +36,7 @@ from posefuse.progress import Progress, Silent
 RESULT = RESULT_FILES[0]
 
 
+@checked
 @dataclass(frozen=True)
 class Outcome:
     """The outcome of :func:`reconstruct_recording`.
@@ -81,6 +83,7 @@ class Delivery:
     finish: Callable[[Outcome], None] = _nothing
 
 
+@checked
 def reconstruct_recording(
     recording: str | Path,
     output: str | Path,

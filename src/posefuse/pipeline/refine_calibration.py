@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from posefuse.arguments import checked
 from posefuse.arrays import ranges
 from posefuse.calibration.checks import pose_sds
 from posefuse.calibration.gauge import pose_changes
@@ -138,6 +139,7 @@ def _concatenate(parts: list[TriangulatedObservations]) -> TriangulatedObservati
     )
 
 
+@checked
 def refine_calibration(
     rig: CameraRig,
     detections: Detections,

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from posefuse.arguments import checked
 from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
@@ -11,6 +12,7 @@ from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 from posefuse.tracking.records import People
 
 
+@checked
 class Tracker:
     """Tracks people live: each update takes one frame and returns all people; no state is kept outside the object.
 

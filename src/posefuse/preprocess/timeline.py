@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from posefuse.arguments import checked
 from posefuse.errors import DetectionsError, choices, suggestion
 from posefuse.model.detections import Detections
 
@@ -31,6 +32,7 @@ class _Timeline:
     source: np.ndarray
 
 
+@checked
 def align_views(detections: Detections, reference: str | None = None) -> Detections:
     """Align the views on a common timeline by their times.
 

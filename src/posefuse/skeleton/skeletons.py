@@ -26,6 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
+from posefuse.arguments import checked
 from posefuse.arrays import PickledByFields, frozen
 from posefuse.errors import SkeletonError, choices, suggestion
 from posefuse.skeleton.parts import Part, parse_parts
@@ -39,6 +40,7 @@ _KEYS = (
 )  # fmt: skip
 
 
+@checked
 @dataclass(frozen=True)
 class Skeleton(PickledByFields):
     """Keypoint names and their relations.
@@ -238,6 +240,7 @@ def shipped_skeleton(name: str) -> Skeleton:
     )
 
 
+@checked
 def find_skeleton(name: str | Path | Skeleton) -> Skeleton:
     """Return a skeleton by name or by the path of its TOML file; a skeleton is returned unchanged.
 

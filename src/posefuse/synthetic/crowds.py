@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from posefuse.arguments import checked
 from posefuse.errors import OptionsError, SkeletonError
 from posefuse.model.cameras import Camera, CameraRig
 from posefuse.model.detections import Detections
@@ -95,6 +96,7 @@ class _Script:
     spans: list[Span] = field(default_factory=list)
 
 
+@checked
 def simulate_crowd(options: CrowdOptions | None = None) -> CrowdScene:
     """Simulate a recording of several people.
 
@@ -120,6 +122,7 @@ def simulate_crowd(options: CrowdOptions | None = None) -> CrowdScene:
     return CrowdScene.of(rig, detected, truth, script.staging, (*present, *script.spans))
 
 
+@checked
 def crowd_of_points(
     points_m: np.ndarray,
     rig: CameraRig,

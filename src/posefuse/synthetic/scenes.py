@@ -5,6 +5,7 @@ from importlib.metadata import version
 
 import numpy as np
 
+from posefuse.arguments import checked
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
@@ -34,6 +35,7 @@ class Scene:
     offsets_s: np.ndarray
 
 
+@checked
 def simulate(options: SceneOptions | None = None) -> Scene:
     """Simulate a recording of one subject.
 

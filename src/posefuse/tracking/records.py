@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from posefuse.arguments import checked
 from posefuse.kernels.tracking.records import State
 from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
@@ -184,6 +185,7 @@ class PastState:
     rows: np.ndarray
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Person:
     """One person in one frame, from this and earlier frames.
@@ -213,6 +215,7 @@ class Person:
     nis_dof: int = 0
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class People:
     """All people in one frame.

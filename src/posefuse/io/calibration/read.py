@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from posefuse.arguments import checked
 from posefuse.errors import FileError, choices
 from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.calibration.registry import CALIBRATIONS
@@ -21,6 +22,7 @@ def find_format(path: Path) -> CalibrationFormat | None:
     return None
 
 
+@checked
 def read_cameras(path: str | Path, *, length_unit: LengthUnit | None = None, up: UpAxis | None = None) -> CameraRig:
     """Read a calibration of any supported format.
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from posefuse.arguments import checked
 from posefuse.errors import FileError, choices
 from posefuse.io.files import must_exist
 from posefuse.io.keypoints.format import KeypointFormat
@@ -56,6 +57,7 @@ def has_times(detections: Detections) -> bool:
     return detections.rate_hz is not None or bool(np.isfinite(detections.time_s).any())
 
 
+@checked
 def read_detections(path: str | Path, skeleton: str | Path | Skeleton | None = None) -> Detections:
     """Read 2D keypoints in any format.
 

@@ -20,6 +20,7 @@ from typing import Any
 import h5netcdf
 import numpy as np
 
+from posefuse.arguments import checked
 from posefuse.errors import FileError
 from posefuse.io.files import must_exist, reading, replacing
 from posefuse.io.netcdf import (
@@ -78,6 +79,7 @@ def write(parts: Iterable[Reconstruction], path: Path) -> None:
         _write_events(file, tuple(events))
 
 
+@checked
 def read_reconstruction(path: str | Path) -> Reconstruction:
     """Open a reconstruction; layers remain in the file and are read by ranges of frames.
 

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from posefuse.arguments import checked
 from posefuse.errors import FileError, ResultError, choices, suggestion
 from posefuse.io.files import must_exist
 from posefuse.io.hdf5 import check_hdf5
@@ -12,6 +13,7 @@ from posefuse.model.stored_points import StoredPoints
 _HDF5 = (".h5", ".nc", ".nwb")
 
 
+@checked
 def read_points(path: str | Path, format: str | None = None) -> StoredPoints:  # noqa: A002
     """Read one layer of 3D points from a file of posefuse or another program.
 

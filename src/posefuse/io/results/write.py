@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from posefuse.arguments import checked
 from posefuse.errors import ResultError, choices, suggestion
 from posefuse.io.files import check_texts
 from posefuse.io.results import c3d, csv, trc
@@ -34,6 +35,7 @@ class WrittenResult:
     notes: tuple[str, ...]
 
 
+@checked
 def write(
     result: Reconstruction,
     path: str | Path,

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from posefuse.arguments import checked
 from posefuse.errors import OptionsError
 from posefuse.model.options.bounds import check_fields, option
 
@@ -51,6 +52,7 @@ class RptOptions:
         check_fields(self, "association.rpt")
 
 
+@checked
 @dataclass(frozen=True)
 class AssociationOptions:
     """Options of the proposal of people from unassigned detections.

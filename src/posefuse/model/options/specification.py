@@ -6,12 +6,14 @@ model at confidence 1. Every term can be switched off.
 
 from dataclasses import dataclass, replace
 
+from posefuse.arguments import checked
 from posefuse.errors import OptionsError
 from posefuse.model.options.bounds import check_fields, option
 from posefuse.model.options.named_numbers import named_numbers
 from posefuse.model.options.tracking_motion import time_factor
 
 
+@checked
 @dataclass(frozen=True)
 class SpecificationOptions:
     """Weights, thresholds and switches of the strategy `specification`.

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from posefuse.arguments import checked
 from posefuse.errors import OptionsError
 from posefuse.model.options.bounds import check_fields, option
 
@@ -12,6 +13,7 @@ NEAR_FRAMES = 0.1
 """Views whose offset from the frame times is within this fraction of a frame period are not interpolated."""
 
 
+@checked
 @dataclass(frozen=True)
 class SyncOptions:
     """Time offsets of views, as `posefuse sync` writes them; one row each, the rows of a view in order of time.

@@ -6,6 +6,7 @@ Lengths are those of an adult human. Other bodies have them in proportion to the
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, get_args
 
+from posefuse.arguments import checked
 from posefuse.errors import OptionsError
 from posefuse.model.options.bounds import check_fields, option
 from posefuse.model.options.named_numbers import named_numbers
@@ -35,6 +36,7 @@ Smoother = Literal["none", "lag", "full"]
 SMOOTHERS: tuple[Smoother, ...] = get_args(Smoother)
 
 
+@checked
 @dataclass(frozen=True)
 class TrackerOptions:
     """Tracking of several people.

@@ -5,6 +5,7 @@ Lengths are those of an adult human. Other bodies have them in proportion to the
 
 from dataclasses import dataclass, replace
 
+from posefuse.arguments import checked
 from posefuse.model.options.bounds import check_fields, option
 
 _TIME_EXPONENT = 1.0 / 3.0
@@ -21,6 +22,7 @@ def time_factor(scale: float) -> float:
     return scale**_TIME_EXPONENT
 
 
+@checked
 @dataclass(frozen=True)
 class MotionOptions:
     """Motion model of bodies.
@@ -68,6 +70,7 @@ class MotionOptions:
         )
 
 
+@checked
 @dataclass(frozen=True)
 class PartOptions:
     """Tracking of hands and faces, each anchored where the body has it.
