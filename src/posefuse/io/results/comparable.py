@@ -58,11 +58,12 @@ def read_comparable(
         FileError: if there is no such file, it is corrupt, or its format is not supported.
         ResultError: if its unit of length is unknown.
     """
-    file = path / "reconstruction.nc" if (path / "reconstruction.nc").is_file() else path
+    stored = path / "reconstruction.nc"
+    file = stored if stored.is_file() or (path.is_dir() and not holds_points(path)) else path
     must_exist(file, "result or file of 3D points")
     if file.suffix.lower() == ".nc" and not holds_points(file):
-        stored = netcdf.read_reconstruction(file)
-        return ComparableFile(file, in_calibration_world(stored), stored.alignment is not None)
+        result = netcdf.read_reconstruction(file)
+        return ComparableFile(file, in_calibration_world(result), result.alignment is not None)
     points = _in_meters(read_points(file), file, length_unit)
     bare = tuple(name.rpartition(":")[2] for name in points.keypoints)
     known = _skeleton_of(bare if len(set(bare)) == len(bare) else points.keypoints, file.stem, skeleton)
