@@ -80,6 +80,7 @@ def test_no_message_outside_the_command_line_names_a_flag():
 
 def test_arguments_that_messages_name_exist():
     known = OTHER_ARGUMENTS | set(options_by_name()) | set(COMMANDS)
+    known |= {entry.table for entry in options_by_name().values()}
     known |= {field.name for record in (OverlayOptions, RefineOptions, StreamOptions) for field in fields(record)}
     quoted = {
         name for path in SOURCES for _, text in texts(path) for name in re.findall(r"`([a-z][\w.]*)(?:=|`)", text)
