@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from posefuse.kinematics.angle_sds import axes_covariance, joint_angle_sds, relative_angle_sds
-from posefuse.kinematics.joint_angles import axes_at, joint_angles, relative_angles
+from posefuse.kinematics.angle_sds import axes_covariance, joint_angle_sds, relative_angle_sds, root_angle_sds
+from posefuse.kinematics.joint_angles import angle_names, axes_at, joint_angles, relative_angles
 from posefuse.kinematics.twist import full_rotations
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.skeleton.trees import Tree
@@ -84,6 +84,15 @@ def test_knee_angle_matches_hand_computed_value():
     assert sds["left_hip.flexion"] == pytest.approx(3.0, abs=1e-3)
     assert sds["right_knee.flexion"] == 0.0
     assert sds["thorax.bend"] == 0.0
+
+
+@pytest.mark.parametrize("up", [(0.0, 0.0, 1.0), (0.0, -1.0, 0.0), (0.6, 0.0, 0.8)])
+def test_root_sds_follow_from_the_covariance_of_the_roots_turn(rng, up):
+    turns, bones = some_pose(BODY, rng)
+    covariance = some_covariance(BODY, rng)
+    expected = joint_angle_sds(BODY, turns, bones, covariance[None], up)[0, :3]
+    assert angle_names(BODY)[:3] == ("mid_hip.heading", "mid_hip.tilt", "mid_hip.list")
+    np.testing.assert_allclose(root_angle_sds(turns[0, 0], covariance[3:6, 3:6], up), expected, rtol=1e-5)
 
 
 def test_unknown_angles_have_no_standard_deviation(rng):

@@ -36,7 +36,7 @@ def data_of(page: str) -> dict:
 
 
 def test_people_are_in_the_scene(scene, result):
-    shown = data_of(render_report(result, scene.truth))["scene"]
+    shown = data_of(render_report(result, np.asarray(scene.truth.layers["measured"].points_m)))["scene"]
     assert shown["people"] == list(result.person_ids)
     assert [layer["name"] for layer in shown["layers"]] == ["model", "measured"]
     for p, packed in enumerate(shown["layers"][0]["points"]):
