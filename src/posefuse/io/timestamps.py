@@ -84,7 +84,7 @@ def matches(path: Path) -> bool:
 
 
 def find(places: Iterable[Path]) -> tuple[Path, ...]:
-    """Return the timestamps in folders or in their subfolders ``timestamps``.
+    """Return the timestamps in folders or in their subfolders ``timestamps``; equal copies only once.
 
     Args:
         places: Folders to search. Paths that are not folders are skipped.
@@ -98,7 +98,14 @@ def find(places: Iterable[Path]) -> tuple[Path, ...]:
         for path in (*(tables if len(tables) <= _MAX_FILES else ()), *folders):
             if matches(path):
                 unique[path.resolve()] = None
-    return tuple(unique)
+    # FreeMoCap copies the timestamps of imported videos.
+    contents = {path: tuple((file.name, file.read_bytes()) for file in _contents(path)) for path in unique}
+    first = {content: path for path, content in reversed(contents.items())}
+    return tuple(path for path, content in contents.items() if first[content] == path)
+
+
+def _contents(path: Path) -> list[Path]:
+    return _files(path) if path.is_dir() else [path]
 
 
 def read_timestamps(path: Path) -> Timestamps:

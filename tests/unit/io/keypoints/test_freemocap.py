@@ -1,10 +1,12 @@
 """FreeMoCap recordings."""
 
+import shutil
+
 import numpy as np
 import pytest
 
 from posefuse import Options, read_detections
-from posefuse.errors import DetectionsError, FileError
+from posefuse.errors import DetectionsError, FileError, RecordingError
 from posefuse.io.open_recording import open_recording
 from tests.layouts import VIEWS, freemocap, skellycam_times
 
@@ -86,6 +88,16 @@ def test_repeated_frames_repeat_their_time(tmp_path):
     assert detections.n_frames == N_FRAMES
     used = np.isfinite(detections.time_s[:, 1])
     assert set(np.round(detections.time_s[used, 1] * RATE_HZ, 6)) == {0, 1, 3, 4, 5}
+
+
+def test_copied_timestamps_are_used_once(tmp_path):
+    """The program copies the timestamps of imported videos; two sets that differ need a choice."""
+    freemocap(tmp_path)
+    shutil.copytree(tmp_path / "synchronized_videos" / "timestamps", tmp_path / "timestamps")
+    assert opened(tmp_path).rate_hz == RATE_HZ
+    skellycam_times(tmp_path / "timestamps", VIEWS[0], np.arange(N_FRAMES) / 50.0)
+    with pytest.raises(RecordingError, match="2 sets of timestamps"):
+        opened(tmp_path)
 
 
 @pytest.mark.parametrize("mismatch", ["count", "names"])
