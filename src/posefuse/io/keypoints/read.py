@@ -14,6 +14,7 @@ from posefuse.io.keypoints.registry import KEYPOINTS
 from posefuse.io.keypoints.request import Request
 from posefuse.io.keypoints.timing import replace_mismatched_timestamps, with_common_frames
 from posefuse.model.detections import Detections
+from posefuse.model.options.options import Options
 from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 
 
@@ -58,13 +59,17 @@ def has_times(detections: Detections) -> bool:
 
 
 @checked
-def read_detections(path: str | Path, skeleton: str | Path | Skeleton | None = None) -> Detections:
+def read_detections(
+    path: str | Path, skeleton: str | Path | Skeleton | None = None, *, options: Options | None = None
+) -> Detections:
     """Read 2D keypoints in any format.
 
     Args:
         path: File or folder.
         skeleton: Skeleton of the keypoints: a shipped name, the path of a TOML file, or a skeleton. Default: the one
             stated by the files, or inferred from the number of keypoints.
+        options: what the files do not state: ``rate_hz``, ``view_rates_hz``, ``reference_view``, ``third_channel``,
+            ``image_size`` and ``skeleton`` are used.
 
     Returns:
         The detections, in px. If neither the files nor files beside them state a frame rate, times are NaN: see
@@ -75,4 +80,7 @@ def read_detections(path: str | Path, skeleton: str | Path | Skeleton | None = N
         SkeletonError: If the keypoints do not match the skeleton, or the skeleton cannot be inferred.
         DetectionsError: If the keypoints are invalid.
     """
-    return read_keypoints(Path(path), Request(None if skeleton is None else find_skeleton(skeleton)))
+    request = Request.of(options or Options())
+    if skeleton is not None:
+        request = replace(request, skeleton=find_skeleton(skeleton))
+    return read_keypoints(Path(path), request)

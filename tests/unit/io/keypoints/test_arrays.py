@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from posefuse import read_cameras, read_detections
+from posefuse import Options, read_cameras, read_detections
 from posefuse.errors import DetectionsError, FileError, PosefuseError
 from posefuse.io.files import read_npz
-from posefuse.io.keypoints.read import read_keypoints
-from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
 from posefuse.skeleton.skeletons import find_skeleton
 from posefuse.synthetic.options import CLEAN, SceneOptions
@@ -41,7 +39,8 @@ class TestArrays:
         np.save(path, np.concatenate([pixels, third[..., None]], axis=-1))
         with pytest.raises(DetectionsError, match="`third_channel='confidence'` or `third_channel='depth'`"):
             read_detections(path)
-        detections = read_keypoints(path, Request(third_channel=meaning))
+        detections = read_detections(path, options=Options(third_channel=meaning, rate_hz=25.0))
+        assert detections.rate_hz == 25.0
         values = detections.confidence if meaning == "confidence" else detections.depth
         np.testing.assert_array_equal(np.asarray(values).reshape(detections.n_frames, 3, 26), np.moveaxis(third, 0, 1))
         assert (detections.depth is None) == (meaning == "confidence")
