@@ -406,7 +406,7 @@ TERMS: tuple[tuple[str, tuple[Scenario, ...], dict[str, float | bool | None]], .
     ("`persistent_velocities` false", ("crowd", "hug", "leave"), {"persistent_velocities": False}),
     ("`terminate_variance_m2` off", ("leave",), {"terminate_variance_m2": None}),
     ("`terminate_outside_after_s` off", ("leave",), {"terminate_outside_after_s": None}),
-    ("both off", ("leave",), {"terminate_variance_m2": None, "terminate_outside_after_s": None}),
+    ("neither rule of termination", ("leave",), {"terminate_variance_m2": None, "terminate_outside_after_s": None}),
 )
 """Terms of the specification that an option switches: the label of the row, its scenes and the changed options."""
 
