@@ -133,6 +133,10 @@ TESTED_ELSEWHERE = {
         "io/edits.py",
         "model/edits.py",
     ),
+    "unit/tracking/strategies/test_specification.py": (
+        "tracking/strategies/pelvis_distance.py",
+        "tracking/strategy.py",
+    ),
     "unit/tracking/test_history.py": ("tracking/history_entries.py",),
     "unit/tracking/test_manage.py": ("tracking/promotion.py",),
     "unit/tracking/test_smoothing.py": (

@@ -93,7 +93,8 @@ def promote_tracks(
         each.score = score.tentative_score(each, frame.time_s, frame.dt_s, s)
         min_age_s = score.min_age_s(each, s)
         promotion = None
-        if is_confirmed(each, frame.time_s, score.promotion_score(s), min_age_s, s):
+        figures = setup.strategy.initiation.figures
+        if is_confirmed(each, frame.time_s, score.promotion_score(s), min_age_s, figures, s):
             promotion = _promote(each, tracks, frame, single_view, setup)
         if promotion is not None:
             promoted.append(promotion)

@@ -14,6 +14,7 @@ from posefuse.tracking.body_states import ProjectedBodies
 from posefuse.tracking.records import Observation, PastState, RecentHistory, TentativeTrack, Track
 from posefuse.tracking.reidentification import Reidentification
 from posefuse.tracking.settings import TrackerSettings
+from posefuse.tracking.track_initiation import PromotionFigures
 
 Propose = Callable[[Frame, np.ndarray], Proposals]
 """Function from a frame and a mask of its unassigned rows, shape (row,), to people whom several views show."""
@@ -229,7 +230,11 @@ class Distance(Protocol):
 
 
 class Initiation(Protocol):
-    """First body of a track."""
+    """Figures of the promotion rule, and the first body of a track."""
+
+    def figures(self, track: TentativeTrack, settings: TrackerSettings) -> PromotionFigures:
+        """Return what the promotion rule compares with its thresholds."""
+        ...
 
     def fit(self, track: TentativeTrack, settings: TrackerSettings) -> tuple[State, list[PastState], float]:
         """Fit a body to a tentative track.

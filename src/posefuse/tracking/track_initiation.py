@@ -1,6 +1,7 @@
 """Initiation of tracks: tentative tracks collect observations, and a body is fitted to them by the filter."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -87,8 +88,43 @@ def is_expired(track: TentativeTrack, time_s: float, min_age_s: float, settings:
     return too_old or time_s - track.observations[-1].time_s > options.max_missing_s + TIME_TOLERANCE_S
 
 
+@dataclass(frozen=True)
+class PromotionFigures:
+    """What the promotion rule compares with its thresholds.
+
+    Attributes:
+        n_hits: Number of frames that show the person.
+        n_frames: Number of frames in the same time.
+        n_views: Mean number of views.
+        error_sigma: Reprojection error, in standard deviations.
+        bone_variation: Relative variation of bone lengths.
+    """
+
+    n_hits: int
+    n_frames: float
+    n_views: float
+    error_sigma: float
+    bone_variation: float
+
+
+def promotion_figures(track: TentativeTrack, settings: TrackerSettings) -> PromotionFigures:
+    """Return figures over all frames of a track: the median error, and the variation beyond the noise."""
+    return PromotionFigures(
+        len(track.observations),
+        track.frames,
+        float(np.mean([each.n_views for each in track.observations])),
+        float(np.median([each.error_sigma for each in track.observations])),
+        _bone_variation(track, settings),
+    )
+
+
 def is_confirmed(
-    track: TentativeTrack, time_s: float, promotion_score: float, min_age_s: float, settings: TrackerSettings
+    track: TentativeTrack,
+    time_s: float,
+    promotion_score: float,
+    min_age_s: float,
+    figures: Callable[[TentativeTrack, TrackerSettings], PromotionFigures],
+    settings: TrackerSettings,
 ) -> bool:
     """Return whether a tentative track satisfies the promotion rule.
 
@@ -97,20 +133,24 @@ def is_confirmed(
         time_s: Time of the frame, in seconds.
         promotion_score: Score that the track needs.
         min_age_s: Age that the track needs, in seconds.
+        figures: Function that computes the figures of a track.
         settings: Settings of the tracker.
     """
     options = settings.options.initiation
-    views = float(np.mean([e.n_views for e in track.observations]))
     age = time_s - track.observations[0].time_s
+    if (
+        len(track.observations) < 2
+        or track.observations[-1].time_s != time_s
+        or age < min_age_s - TIME_TOLERANCE_S
+        or not track.score >= promotion_score
+    ):
+        return False
+    found = figures(track, settings)
     return (
-        len(track.observations) > 1
-        and track.observations[-1].time_s == time_s
-        and age >= min_age_s - TIME_TOLERANCE_S
-        and len(track.observations) >= options.hit_share * track.frames
-        and views >= options.min_views
-        and float(np.median([e.error_sigma for e in track.observations])) <= options.max_error_sigma
-        and track.score >= promotion_score
-        and _bone_variation(track, settings) <= options.max_bone_variation
+        found.n_hits >= options.hit_share * found.n_frames
+        and found.n_views >= options.min_views
+        and found.error_sigma <= options.max_error_sigma
+        and found.bone_variation <= options.max_bone_variation
     )
 
 

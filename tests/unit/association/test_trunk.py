@@ -5,7 +5,11 @@ import pytest
 
 from posefuse.association.trunk import full, six, torso
 from posefuse.skeleton.skeletons import Skeleton, find_skeleton
-from tests.unit.association.test_clusters import spread_of
+
+
+def spread_of(sigma_m: float, *shape: int) -> np.ndarray:
+    return np.broadcast_to(six(np.eye(3) * sigma_m**2), (*shape, 6)).copy()
+
 
 TRUNK = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
 COCO = find_skeleton("coco_17")

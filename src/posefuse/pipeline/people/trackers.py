@@ -40,6 +40,13 @@ def unused_options(options: Options, skeleton: Skeleton) -> tuple[str, ...]:
             f"tracker.smoother = {tracker.smoother!r} has no effect with the strategy 'specification', whose states "
             "have no covariances: nothing is smoothed. Add `tracker.smoother='none'`, or use the strategy 'posefuse'."
         )
+    specified = tracker.strategy == "specification" and tracker.specification.pair_proposals
+    if specified and options.association.method != "groups":
+        sentences.append(
+            f"association.method = {options.association.method!r} has no effect on new people with the strategy "
+            "'specification', which proposes them from pairs. Add `tracker.specification.pair_proposals=False`, or "
+            "leave it out."
+        )
     if tracker.parts != default.parts and not skeleton.parts:
         sentences.append(
             f"tracker.parts has options of hands and faces, but skeleton {skeleton.name!r} has none to track: they "

@@ -1,4 +1,4 @@
-"""Strategies of the tracker, one file each; see :class:`posefuse.tracking.strategy.Strategy`."""
+"""Strategies of the tracker and their components; see :class:`posefuse.tracking.strategy.Strategy`."""
 
 from posefuse.model.options.tracker import StrategyName
 from posefuse.tracking.strategies import default, specification

@@ -16,7 +16,7 @@ from posefuse.tracking.records import Observation, PastState, RecentHistory, Ten
 from posefuse.tracking.reidentification import Reidentification, find_lost_track
 from posefuse.tracking.settings import TrackerSettings, filter_memory_s, tempering_factor
 from posefuse.tracking.strategy import FrameOutcome, MatchScores, Noise, Strategy, UpdateNoise
-from posefuse.tracking.track_initiation import fit_body, is_of_two_views
+from posefuse.tracking.track_initiation import PromotionFigures, fit_body, is_of_two_views, promotion_figures
 from posefuse.tracking.track_set import advance_state
 
 _MIN_EVIDENCE = 1e-3
@@ -180,7 +180,11 @@ class TrunkDistance:
 
 
 class FilteredBody:
-    """Body filtered from the detections of all observations."""
+    """Figures of all frames, and a body filtered from the detections of all observations."""
+
+    def figures(self, track: TentativeTrack, settings: TrackerSettings) -> PromotionFigures:
+        """Return the median error, and the variation of bone lengths beyond the noise."""
+        return promotion_figures(track, settings)
 
     def fit(self, track: TentativeTrack, settings: TrackerSettings) -> tuple[State, list[PastState], float]:
         """Fit a body to the first observation and filter it to the last."""

@@ -53,6 +53,14 @@ def test_options_of_another_proposal_method_are_named():
     assert unused_options(Options(association=replace(baseline, method="rpt")), BODY) == ()
 
 
+def test_another_proposal_method_is_named_where_pairs_are_proposed():
+    tracker, baseline = TrackerOptions(strategy="specification", smoother="none"), AssociationOptions(method="rpt")
+    (sentence,) = unused_options(Options(tracker=tracker, association=baseline), BODY)
+    assert "`tracker.specification.pair_proposals=False`" in sentence
+    groups = replace(tracker, specification=SpecificationOptions(pair_proposals=False))
+    assert unused_options(Options(tracker=groups, association=baseline), BODY) == ()
+
+
 def test_each_unused_option_is_a_warning_and_live_tracking_ignores_the_smoother():
     options = Options(tracker=TrackerOptions(parts=PartOptions(model_floor_m=0.01), lag_s=0.5))
     with pytest.warns(PosefuseWarning) as warned:

@@ -31,6 +31,7 @@ from posefuse.tracking.lifecycle import LifecycleThresholds, new_track, tracks_t
 from posefuse.tracking.records import Observation, People, RecentHistory, TentativeTrack, Track
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.strategies import default, specification
+from posefuse.tracking.strategies.pelvis_distance import reacquisition_cost
 from posefuse.tracking.strategy import FrameOutcome
 from posefuse.tracking.track_initiation import update_by_observation
 from posefuse.tracking.tracker import ArticulatedTracker
@@ -308,6 +309,28 @@ def test_moving_person_continues_only_with_velocities() -> None:
     assert STRATEGY.distance.distance(track, new, settings_with(tentative_motion=False)) == math.inf
 
 
+def test_promotion_figures_are_those_of_the_buffer() -> None:
+    """Hits in the last L, mean views and errors, and raw variation; the default counts all frames."""
+    points = project_state(standing()).points_m[0]
+    times_s = [0.0, 0.04, 0.08, *np.arange(0.6, 1.01, 0.08)]
+    track = TentativeTrack(1, [proposal(points, t) for t in times_s], frames=26)
+    track.observations[:3] = [replace(each, error_sigma=9.0) for each in track.observations[:3]]
+    track.observations[-1] = replace(track.observations[-1], error_sigma=4.0, rows=np.array([0, 1, -1, -1]))
+    mine, shared = (each.initiation.figures(track, SETTINGS) for each in (STRATEGY, default.STRATEGY))
+    assert (mine.n_hits, mine.n_frames) == (6, 11)
+    assert mine.error_sigma == pytest.approx((5 * 1.0 + 4.0) / 6)
+    assert mine.n_views == pytest.approx((5 * VIEWS + 2) / 6)
+    assert (shared.n_hits, shared.n_frames) == (9, 26)
+    assert shared.error_sigma == 1.0
+    rng = np.random.default_rng(0)
+    noisy = [replace(e, points_m=points + 0.01 * rng.standard_normal(points.shape)) for e in track.observations]
+    noisy_track = replace(track, observations=noisy)
+    lengths = [np.linalg.norm(e.points_m[7] - e.points_m[9]) for e in noisy[3:]]
+    raw = STRATEGY.initiation.figures(noisy_track, SETTINGS).bone_variation
+    assert raw == pytest.approx(np.std(lengths, ddof=1) / np.mean(lengths), rel=0.6)
+    assert default.STRATEGY.initiation.figures(noisy_track, SETTINGS).bone_variation < raw
+
+
 def lost_and_found(aside_m: float) -> tuple[list[Track], State, Observation]:
     state, track = standing(), tracked_person()
     track.state = TrackState.LOST
@@ -325,7 +348,7 @@ def test_cost_of_reacquisition_is_that_of_the_equation() -> None:
         theirs, mine = observed.points_m[k] - observed.points_m[pelvis], predicted[k] - predicted[pelvis]
         expected += SEED.core_weight * float(((theirs - mine) ** 2).sum()) / SEED.tau_core_m**2
     for settings in (SETTINGS, settings_with(normalized_distance=True)):
-        cost = specification.reacquisition_cost(state, [0], [observed], settings)
+        cost = reacquisition_cost(state, [0], [observed], settings)
         assert cost[0, 0] == pytest.approx(expected, rel=1e-9)
 
 
