@@ -81,7 +81,8 @@ RENAMED: tuple[Renamed, ...] = (
     *(Renamed("*.toml", rf"{re.escape(old)}(\[\])?", rf"{new}\1") for old, new in RENAMED_OPTIONS.items()),
     Renamed("*", r"@rig_metres_per_unit", r"@rig_meters_per_unit"),
     Renamed("*/posefuse.json", r"source\.modelled", r"source.modeled"),
-    Renamed("*/batch.json", r"numbers\.(.*)", r"statistics.\1"),
+    Renamed("*/batch.json", "", "fingerprint.json"),
+    Renamed("*/batch.json", r"(numbers|statistics)\.(.*)", r"remembered.statistics.\2"),
 )
 """Renamed files, columns and variables; the first matching rule applies.
 

@@ -15,5 +15,5 @@ for name in ("nose", "left_wrist", "right_ankle"):
     error, sd = np.nanmedian(error_mm[:, k]), np.nanmedian(sd_mm[:, k])
     print(f"{name:12} error {error:.0f} mm, standard deviation {sd:.0f} mm")
 
-posefuse.write(result, "person.trc")
-posefuse.write(result, "reconstruction.nc")
+posefuse.write(result, "person.trc", overwrite=True)
+posefuse.write(result, "reconstruction.nc", overwrite=True)

@@ -4,6 +4,7 @@
 
     PosefuseError
     ├── FileError          a file or folder is missing, truncated, or does not match its format
+    │   └── OutputExistsError  an output exists, and the caller does not ask to replace it
     ├── RecordingError     a folder holds no recording, or several
     ├── CameraError        a camera or rig is invalid
     ├── DetectionsError    2D keypoints are invalid
@@ -36,6 +37,10 @@ class PosefuseError(Exception):
 
 class FileError(PosefuseError):
     """A file or folder is missing, truncated, or does not match its format."""
+
+
+class OutputExistsError(FileError):
+    """An output exists, and the caller does not ask to replace it."""
 
 
 class RecordingError(PosefuseError):

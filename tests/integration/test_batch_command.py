@@ -6,7 +6,6 @@ import shutil
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,18 +13,17 @@ import numpy as np
 import pytest
 
 import posefuse
-from posefuse.batch import work
 from posefuse.batch.jobs import jobs_of
 from posefuse.batch.work import run_job
 from posefuse.io.calibration import anipose
 from posefuse.io.checkpoints import CheckpointFolder
-from posefuse.io.files import CHECKPOINT_FOLDER, exclusive_folder
+from posefuse.io.files import CHECKPOINT_FOLDER
+from posefuse.io.folder_locks import exclusive_folder
 from posefuse.io.keypoints import native
 from posefuse.io.results import netcdf
 from posefuse.model.batch import Job, JobResult
 from posefuse.model.options.options import Options
-from posefuse.model.reconstruction import Reconstruction
-from posefuse.pipeline.reconstruct_recording import Delivery
+from posefuse.pipeline import reconstruct_recording as recipe
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import simulate_crowd
 from posefuse.synthetic.options import CLEAN, SceneOptions
@@ -104,7 +102,7 @@ def test_batch_completes_despite_three_broken_recordings(run, tmp_path):
     shutil.copy(tmp_path / "recs" / "rec_003" / "calibration.toml", tmp_path / "recs" / "rec_002")
     (output / "rec_001" / "reconstruction.nc").unlink()
     folders = sorted((tmp_path / "recs").iterdir())[:4]
-    code, text, _ = run("batch", *folders, "-o", output, "--jobs", "1", *FAST)
+    code, text, _ = run("batch", *folders, "-o", output, "--jobs", "1", "--overwrite", *FAST)
     assert code == 0
     assert "4 recordings: 2 done, 2 kept (nothing changed), 0 failed" in text
     assert (output / "rec_001" / "reconstruction.nc").read_bytes() == result
@@ -160,7 +158,7 @@ def test_result_is_recomputed_if_timestamps_change(run, tmp_path):
         frames = range(scene.detections.n_frames)
         rows = [f"{name},{f},{f / rate_hz}" for name in scene.rig.names for f in frames]
         (folder / "timestamps.csv").write_text("\n".join(["camera,frame,time_s", *rows]) + "\n")
-        assert "1 done" in run(*command)[1]
+        assert "1 done" in run(*command, "--overwrite")[1]
         result = posefuse.read_reconstruction(tmp_path / "out" / "a" / "reconstruction.nc")
         assert result.rate_hz == pytest.approx(rate_hz)
     assert "1 kept" in run(*command)[1]
@@ -169,20 +167,17 @@ def test_result_is_recomputed_if_timestamps_change(run, tmp_path):
 def test_recording_that_changes_while_it_is_read_is_recomputed(tmp_path, monkeypatch):
     (folder,) = recordings(tmp_path / "recs", 1, {}, 0.5)
     (job,) = jobs_of([folder], tmp_path / "out", None, Options(people="one"))
-    calibration, reconstruct = folder / "calibration.toml", work.reconstruct_recording
+    calibration, write = folder / "calibration.toml", recipe.write_outputs
 
-    def changing(*args: Any, delivery: Delivery, **named: Any) -> object:
-        def verify(result: Reconstruction) -> None:
-            calibration.write_text(calibration.read_text() + "\n")
-            delivery.verify(result)
-
-        return reconstruct(*args, delivery=replace(delivery, verify=verify), **named)
+    def changing(*given: Any) -> object:
+        calibration.write_text(calibration.read_text() + "\n")
+        return write(*given)
 
     with monkeypatch.context() as patched:
-        patched.setattr(work, "reconstruct_recording", changing)
+        patched.setattr(recipe, "write_outputs", changing)
         outcome = run_job(job)
     assert (outcome.state, "changed while" in outcome.why) == ("failed", True)
-    assert not (job.output / "batch.json").exists()
+    assert not (job.output / "fingerprint.json").exists()
     assert run_job(job).state == "done"
     assert run_job(job).state == "kept"
 

@@ -17,8 +17,8 @@ from posefuse.io.results import trc
 from tests.files import anipose_toml, write_openpose
 
 OUTPUTS = [
-    "angles.csv", "keypoints.csv", "lengths.csv", "person_1.c3d", "person_1.trc", "reconstruction.nc", "report.html",
-    "solved.csv",
+    "angles.csv", "fingerprint.json", "keypoints.csv", "lengths.csv", "person_1.c3d", "person_1.trc",
+    "reconstruction.nc", "report.html", "solved.csv",
 ]  # fmt: skip
 
 
@@ -49,10 +49,11 @@ def test_same_input_gives_the_same_bytes(run, recording, tmp_path):
     assert str(tmp_path).encode() not in content
 
 
-def test_running_again_replaces_the_result(run, recording, tmp_path):
+def test_running_again_replaces_the_result_if_asked_to(run, recording, tmp_path):
     out = tmp_path / "out"
     assert run("reconstruct", recording, "-o", out)[0] == 0
-    assert run("reconstruct", recording, "-o", out, "--end-s", "0.5")[0] == 0
+    assert run("reconstruct", recording, "-o", out, "--end-s", "0.5")[0] == 1
+    assert run("reconstruct", recording, "-o", out, "--end-s", "0.5", "--overwrite")[0] == 0
     assert posefuse.read_reconstruction(out / "reconstruction.nc").n_frames == 15
 
 
@@ -224,7 +225,7 @@ class TestBadInput:
             refused("reconstruct", recording, "-o", place, words=["error:", "file"])
             refused("simulate", place, "--duration-s", "0.2", words=["error:", "file"])
         refused("init", tmp_path / "file" / "o.toml", words=["cannot be written"])
-        refused("init", tmp_path / "folder", words=["exists already"])
+        refused("init", tmp_path / "folder", words=["is a folder"])
 
     def test_no_calibration(self, refused, recording, tmp_path):
         (recording / "calibration.toml").unlink()

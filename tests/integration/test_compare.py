@@ -40,7 +40,7 @@ def files_in(folder):
 
 def test_compare_prints_a_table_and_writes_three_files(run, ugly_recording, tmp_path, ugly_scene, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    posefuse.write(ugly_scene.truth, tmp_path / "truth.nc")
+    posefuse.write(ugly_scene.truth, tmp_path / "truth.nc", overwrite=True)
     out = tmp_path / "out"
     code, output, warned = run("compare", ugly_recording, "-o", out, "--truth", tmp_path / "truth.nc")
     assert (code, warned) == (0, "")
@@ -62,7 +62,7 @@ def test_compare_prints_a_table_and_writes_three_files(run, ugly_recording, tmp_
 
 
 def test_numbers_equal_those_of_reconstruct_and_evaluate(run, ugly_recording, tmp_path, ugly_scene):
-    posefuse.write(ugly_scene.truth, tmp_path / "truth.nc")
+    posefuse.write(ugly_scene.truth, tmp_path / "truth.nc", overwrite=True)
     run("compare", ugly_recording, "-o", tmp_path / "out", "--methods", "simple", "--truth", tmp_path / "truth.nc")
     row = rows_of(tmp_path / "out")["simple"]
     run("reconstruct", ugly_recording, "-o", tmp_path / "one", "--triangulation.method", "simple")
@@ -83,7 +83,7 @@ def test_output_is_reproducible_except_for_run_times(run, ugly_recording, tmp_pa
         assert content == (tmp_path / "two" / file).read_bytes(), file
         assert str(tmp_path).encode() not in content
     assert "cpu_time_ms_per_frame" not in (tmp_path / "one" / "comparison.csv").read_text()
-    run("compare", ugly_recording, "-o", tmp_path / "one", "--methods", "consensus", "simple")
+    run("compare", ugly_recording, "-o", tmp_path / "one", "--methods", "consensus", "simple", "--overwrite")
     timed, untimed = rows_of(tmp_path / "one"), rows_of(tmp_path / "two")
     assert list(timed) == ["consensus", "simple"]
     for method, row in timed.items():
@@ -168,9 +168,9 @@ class TestFilterFigure:
         assert FIGURE in output
         assert (out / FIGURE).read_bytes().startswith(b"\x89PNG")
         first = (out / FIGURE).read_bytes()
-        run("reconstruct", ugly_recording, "-o", out, "--triangulation.method", "percentile_filter")
+        run("reconstruct", ugly_recording, "-o", out, "--triangulation.method", "percentile_filter", "--overwrite")
         assert (out / FIGURE).read_bytes() == first
-        code, output, _ = run("reconstruct", ugly_recording, "-o", out)
+        code, output, _ = run("reconstruct", ugly_recording, "-o", out, "--overwrite")
         assert FIGURE not in output
         assert not (out / "debug").exists()
 
@@ -178,9 +178,9 @@ class TestFilterFigure:
         out = tmp_path / "out"
         run("reconstruct", ugly_recording, "-o", out, "--triangulation.method", "percentile_filter")
         (out / "debug" / "notes.txt").write_text("mine")
-        run("reconstruct", ugly_recording, "-o", out, "--triangulation.method", "percentile_filter")
+        run("reconstruct", ugly_recording, "-o", out, "--triangulation.method", "percentile_filter", "--overwrite")
         assert sorted(entry.name for entry in (out / "debug").iterdir()) == ["notes.txt", "percentile_filter.png"]
-        run("reconstruct", ugly_recording, "-o", out)
+        run("reconstruct", ugly_recording, "-o", out, "--overwrite")
         assert [entry.name for entry in (out / "debug").iterdir()] == ["notes.txt"]
 
     def test_no_figure_if_nothing_is_filtered(self, run, ugly_recording, tmp_path):

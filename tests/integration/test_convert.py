@@ -57,7 +57,7 @@ def test_calibrations(tmp_path):
         ("x.xyz", [], 2, "Add --to"),
         ("x.csv", ["--to", "opnpose"], 2, "Did you mean 'openpose'"),
         ("x.toml", [], 2, "cannot write as anipose"),
-        ("in/records.jsonl", [], 1, "exists already"),
+        ("in/records.jsonl", [], 1, "is the input itself"),
         ("x.csv", ["--onto", "fly_38"], 2, "none of its keypoints can be derived"),
     ],
 )

@@ -68,7 +68,7 @@ def test_evaluate_accepts_one_file_per_person(ending, run, files):
     assert [person["name"] for person in numbers["people"]] == ["anna", "otto"]
     assert numbers["clear"][0]["misses"] == 0
     assert "anna" in output
-    code, _, output = run("evaluate", files, files / f"anna.{ending}", files / "truth.nc")
+    code, _, output = run("evaluate", files, files / f"anna.{ending}", files / "truth.nc", "--overwrite")
     assert code == 1
     assert "one file per person" in output
 

@@ -23,7 +23,7 @@ def test_other_formats_are_written_beside_a_result(run, recording, tmp_path, cap
     assert "note: anipose cannot hold times, status, covariances, which views." in output
     assert max(map(len, out.splitlines())) <= 80
     # Without them they are gone: they were of the result that is replaced.
-    code, _, _ = run("reconstruct", recording, "--output", tmp_path / "out")
+    code, _, _ = run("reconstruct", recording, "--output", tmp_path / "out", "--overwrite")
     assert code == 0
     assert not any((tmp_path / "out" / name).is_file() for name in names[:-1])
     assert not list((tmp_path / "out" / "freemocap").rglob("*.*"))

@@ -27,6 +27,7 @@ WITHOUT_SOURCE = {
 TESTED_ELSEWHERE = {
     "integration/test_batch_command.py": ("batch/work.py",),
     "integration/test_command_line.py": ("cli/*.py",),
+    "integration/test_existing_outputs.py": ("io/outputs.py",),
     "integration/test_refine_command.py": ("pipeline/refine_recording.py",),
     "integration/test_solved_commands.py": ("biomechanics/tables.py",),
     "integration/test_stream_command.py": (
@@ -86,6 +87,7 @@ TESTED_ELSEWHERE = {
     "unit/io/results/test_write.py": ("model/track_events.py",),
     "unit/io/test_checkpoints.py": ("pipeline/measured_layer.py",),
     "unit/io/test_options.py": ("io/options_template.py",),
+    "unit/io/test_recording.py": ("io/folder_locks.py",),
     "unit/io/test_timestamps.py": ("io/open_recording.py",),
     "unit/io/videos/test_reader.py": ("io/videos/writer.py",),
     "unit/kernels/test_points.py": ("kernels/*.py",),

@@ -1,1 +1,1 @@
-"""Reconstruct many recordings side by side: jobs, worker processes, clusters and fingerprints of results."""
+"""Reconstruct many recordings side by side: jobs, worker processes, clusters."""

@@ -4,11 +4,11 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from posefuse.batch.fingerprints import MARK, RESULT
 from posefuse.errors import OptionsError, choices
 from posefuse.io.files import CHECKPOINT_FOLDER
-from posefuse.model.batch import Job
+from posefuse.model.batch import Job, JobTreatment
 from posefuse.model.options.options import Options
+from posefuse.pipeline.fingerprints import MARK, RESULT
 
 TABLE, PAGE = "batch.csv", "batch.html"
 RESERVED = (TABLE, PAGE)
@@ -20,8 +20,8 @@ def jobs_of(
     output: Path,
     calibration: Path | None,
     options: Options,
+    treatment: JobTreatment = JobTreatment(),  # noqa: B008
     *,
-    again: bool = False,
     window_s: float | None = None,
 ) -> list[Job]:
     """Return one job per recording, named after its folder, and after the folder above where names are not unique.
@@ -33,7 +33,7 @@ def jobs_of(
         output: folder of the batch.
         calibration: calibration of all recordings, or None.
         options: options of the reconstruction.
-        again: whether to reconstruct even if nothing has changed.
+        treatment: what happens to earlier and to wrong results.
         window_s: length of the windows into which long recordings are divided, or None.
 
     Raises:
@@ -55,7 +55,7 @@ def jobs_of(
     calibration = None if calibration is None else calibration.resolve()
     names = _names(chosen)
     return [
-        Job(name, folder, place / name, calibration, options, again, window_s)
+        Job(name, folder, place / name, calibration, options, treatment, window_s)
         for name, folder in zip(names, chosen, strict=True)
     ]
 

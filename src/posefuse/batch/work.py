@@ -5,32 +5,24 @@ import io
 import math
 import threading
 import traceback
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from posefuse.batch.fingerprints import MARK, RESULT, fingerprint, remove_mark, unchanged_result, write_mark
-from posefuse.errors import PosefuseError, RecordingError, handle_warnings
-from posefuse.io.checkpoints import remove_parts
-from posefuse.io.files import CHECKPOINT_FOLDER
-from posefuse.io.open_recording import (
-    RecordingInputs,
-    calibration_and_keypoints,
-    digest_path,
-    open_recording,
-    timestamps_in,
-)
-from posefuse.model.batch import Job, JobResult, ResultStatistics
+from posefuse.errors import OutputExistsError, PosefuseError, handle_warnings
+from posefuse.io.open_recording import RecordingInputs, input_digests, open_recording
+from posefuse.model.batch import Job, JobResult, JobState, ResultStatistics
+from posefuse.model.findings import certain_faults
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.pipeline.distributed import RunPieces, Workers, is_long
-from posefuse.pipeline.reconstruct_recording import Delivery, Outcome, reconstruct_recording
+from posefuse.pipeline.fingerprints import RESULT, find_earlier, is_occupied, recording_keys
+from posefuse.pipeline.reconstruct_recording import Execution, Outcome, kept_outcome, reconstruct_recording
 from posefuse.report.summary import summarize
 
 _T = TypeVar("_T")
 _LOCK = threading.Lock()
 """Warnings and printed output belong to a process, so a process runs one job at a time."""
-_CHANGED = "Its files changed while it was reconstructed. Run the same command again."
 
 
 def run_job(job: Job) -> JobResult:
@@ -79,17 +71,30 @@ def _failed(job: Job, why: str) -> JobResult:
 
 
 def _unchanged(job: Job) -> JobResult | None:
-    """Return the result of an earlier run on the same inputs, undivided or divided."""
-    if job.again or not (job.output / MARK).is_file():
+    """Return the result of an earlier run on the same inputs, undivided or divided; None if there is work to do.
+
+    Raises:
+        OutputExistsError: if the folder contains a result that the job may not replace.
+    """
+    if job.treatment.again or not is_occupied(job.output):
         return None
-    inputs = _digests(job)
-    keys = (_key(job, inputs, window_s) for window_s in dict.fromkeys((None, job.window_s)))
-    results = (unchanged_result(job.name, job.output, key, digest_path) for key in keys)
-    found = next((each for each in results if each), None)
-    if found is not None:
-        # A run may have ended after writing the mark and before removing its checkpoint.
-        remove_parts(job.output / CHECKPOINT_FOLDER)
-    return found
+    digests = input_digests(job.folder, RecordingInputs(job.calibration), job.options)
+    windows = dict.fromkeys((None, job.window_s))
+    try:
+        mark = find_earlier(job.output, [recording_keys(digests, job.options, window_s=each) for each in windows])
+    except OutputExistsError:
+        if not job.treatment.overwrite:
+            raise
+        return None
+    if mark is None:
+        return None
+    outcome = kept_outcome(job.output, mark)
+    try:
+        remembered = _Remembered.read(mark.remembered)
+    except (TypeError, KeyError):
+        # The command reconstruct stores no statistics.
+        remembered = _Remembered.of(outcome.open(), ())
+    return _result(job, "kept", remembered, outcome)
 
 
 def _is_long(job: Job) -> bool:
@@ -100,47 +105,46 @@ def _is_long(job: Job) -> bool:
 
 
 def _reconstruct(job: Job, warned: list[str], workers: Workers | None) -> JobResult:
-    results: list[JobResult] = []
-    inputs: dict[str, str] = {}
+    remembered: list[_Remembered] = []
 
-    def verify(result: Reconstruction) -> None:
-        inputs.update(_digests(job))
-        if not set(result.provenance.inputs.values()) <= set(inputs.values()):
-            remove_parts(job.output / CHECKPOINT_FOLDER)
-            raise RecordingError(_CHANGED)
-        warnings = (*warned, *(str(finding) for finding in result.findings))
-        results.append(JobResult(job.name, "done", "", _statistics(result), warnings))
-        # The folder changes from here on, and its new result is complete only when its mark is written.
-        remove_mark(job.output)
+    def remember(result: Reconstruction) -> Mapping[str, Any]:
+        remembered.append(_Remembered.of(result, warned))
+        return asdict(remembered[0])
 
-    def finish(_: Outcome) -> None:
-        # Before the checkpoint is removed: an interruption in between leaves one of the two.
-        write_mark(job.output, _key(job, inputs, window_s), results[0], digest_path)
-
-    window_s = None if workers is None else workers.window_s
-    marker = MARK if (job.output / MARK).exists() else RESULT
-    reconstruct_recording(
-        job.folder, job.output, job.options, inputs=RecordingInputs(job.calibration), workers=workers,
-        delivery=Delivery(marker, verify, finish),
+    outcome = reconstruct_recording(
+        job.folder, job.output, job.options, inputs=RecordingInputs(job.calibration), overwrite=True,
+        execution=Execution(workers, remember),
     )  # fmt: skip
-    return results[0]
+    return _result(job, "done", remembered[0], outcome)
 
 
-def _digests(job: Job) -> dict[str, str]:
-    """Return the digests of a recording's inputs, by their role and name."""
-    calibration, keypoints = calibration_and_keypoints(job.folder, RecordingInputs(job.calibration), job.options)
-    files = {"keypoints": keypoints} if calibration is None else {"calibration": calibration, "keypoints": keypoints}
-    timestamps = timestamps_in(job.folder, keypoints, job.options)
-    if timestamps is not None:
-        files["timestamps"] = timestamps
-    return {f"{role} {path.name}": digest_path(path) for role, path in files.items()}
+@dataclass(frozen=True)
+class _Remembered:
+    """What a batch stores beside a result.
+
+    Attributes:
+        statistics: of the result.
+        warnings: given while the recording was reconstructed, and findings.
+    """
+
+    statistics: ResultStatistics
+    warnings: tuple[str, ...]
+
+    @classmethod
+    def of(cls, result: Reconstruction, warned: Sequence[str]) -> "_Remembered":
+        return cls(_statistics(result), (*warned, *(str(finding) for finding in result.findings)))
+
+    @classmethod
+    def read(cls, values: Mapping[str, Any]) -> "_Remembered":
+        return cls(ResultStatistics(**values["statistics"]), tuple(values["warnings"]))
 
 
-def _key(job: Job, inputs: Mapping[str, str], window_s: float | None) -> str:
-    options = job.options
-    skeleton = Path(options.skeleton) if options.skeleton and options.skeleton.endswith(".toml") else None
-    digest = digest_path(skeleton) if skeleton is not None and skeleton.is_file() else ""
-    return fingerprint(inputs, options, digest, window_s)
+def _result(job: Job, state: JobState, remembered: _Remembered, outcome: Outcome) -> JobResult:
+    faults = () if job.treatment.accept_findings else certain_faults(outcome.findings)
+    if faults:
+        why = f"{faults[0].sentence} `accept_findings=True` accepts the result."
+        return JobResult(job.name, "failed check", why, remembered.statistics, remembered.warnings)
+    return JobResult(job.name, state, "", remembered.statistics, remembered.warnings)
 
 
 def _statistics(result: Reconstruction) -> ResultStatistics:

@@ -3,18 +3,33 @@
 import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, count, percent, print_problem, say, table, warn
+from posefuse.cli.findings import CERTAIN_FAULT, AcceptFindings
 from posefuse.cli.types import OptionFlags, Output
-from posefuse.errors import OptionsError
-from posefuse.model.batch import Job, JobResult
+from posefuse.errors import OptionsError, choices
+from posefuse.model.batch import Job, JobResult, JobTreatment
 from posefuse.model.options.options import Options
 
 _INTERRUPTED = "The batch was interrupted before this recording."
+
+
+@dataclass(frozen=True)
+class _Treatment:
+    """Flags of what happens to earlier and to wrong results."""
+
+    again: Annotated[
+        bool, Parameter(negative="", help="Reconstruct all recordings, even those that have not changed.")
+    ] = False
+    overwrite: Annotated[bool, Parameter(negative="", help="Replace results of other inputs, options or versions.")] = (
+        False
+    )
+    accept_findings: AcceptFindings = False
 
 
 def batch(
@@ -31,19 +46,22 @@ def batch(
         float,
         Parameter(help="On a cluster, divide recordings of at least two windows of this length, in seconds."),
     ] = 300.0,
-    again: Annotated[
-        bool, Parameter(negative=(), help="Reconstruct all recordings, even those that have not changed.")
-    ] = False,
+    flags: Annotated[_Treatment, Parameter(name="*")] = _Treatment(),
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
     """Reconstruct many recordings side by side, each as posefuse reconstruct does, into a folder of its own.
 
     A failed recording does not stop the others. The same command run again reconstructs only what is missing or has
-    changed: inputs, options or version. Writes batch.csv and batch.html. The exit code is 1 if a recording failed.
+    changed: inputs, options or version; --overwrite lets it replace the results of changed recordings. Writes batch.csv
+    and batch.html.
+
+    The exit code is 1 if a recording failed, else 3 if the recording check is certain that a result is wrong, else 0.
+    --accept-findings accepts such results.
     """
     from posefuse.batch.jobs import jobs_of
     from posefuse.batch.work import with_earlier_result
-    from posefuse.io.files import exclusive_folder, must_exist
+    from posefuse.io.files import must_exist
+    from posefuse.io.folder_locks import exclusive_folder
 
     if jobs is not None and jobs < 1:
         raise OptionsError(f"--jobs must be at least 1, got {jobs}.")
@@ -54,7 +72,9 @@ def batch(
     if output.exists() and not output.is_dir():
         raise OptionsError(f"--output {output} is a file. Specify a folder.")
     window = None if scheduler is None else window_s
-    todo = jobs_of(folders, output, calibration, options, again=again, window_s=window)
+    treatment = JobTreatment(**asdict(flags))
+    todo = jobs_of(folders, output, calibration, options, treatment, window_s=window)
+    _check_overview(output, todo, flags.overwrite)
     output.mkdir(parents=True, exist_ok=True)
     with exclusive_folder(output, output):
         found, interrupted = _collect(todo, _run(todo, jobs, scheduler))
@@ -68,6 +88,23 @@ def batch(
         sys.exit(130)
     if any(each.state == "failed" for each in results):
         sys.exit(1)
+    if any(each.state == "failed check" for each in results):
+        sys.exit(CERTAIN_FAULT)
+
+
+def _check_overview(output: Path, todo: Sequence[Job], overwrite: bool) -> None:
+    """Refuse to replace the overview of a batch with recordings that this batch does not have."""
+    from posefuse.batch.jobs import PAGE, TABLE
+    from posefuse.io.outputs import check_new_files, exists_error
+    from posefuse.report.batch import names_in_csv
+
+    names = names_in_csv(output / TABLE) if (output / TABLE).is_file() else None
+    if names is None:
+        check_new_files([output / TABLE, output / PAGE], overwrite=overwrite)
+        return
+    lost = [name for name in names if name not in [job.name for job in todo]]
+    if lost and not overwrite:
+        raise exists_error(f"{output / TABLE} lists recordings that are not in this batch ({choices(lost, 4)})")
 
 
 def _collect(todo: Sequence[Job], results: Iterator[JobResult]) -> tuple[dict[str, JobResult], bool]:
@@ -120,10 +157,13 @@ def _report(results: Sequence[JobResult], output: Path) -> None:
     for each in results:
         if each.state == "failed":
             print_problem("failed: ", "bold red", f"{each.name}: {each.why}")
+        elif each.state == "failed check":
+            print_problem("failed check: ", "bold red", f"{each.name}: {each.why}")
     states = Counter(each.state for each in results)
     say(
         f"{count(len(results), 'recording')}: {states['done']} done, {states['kept']} kept (nothing changed), "
-        f"{states['failed']} failed" + (f", {states['not done']} not done" if states["not done"] else "")
+        f"{states['failed']} failed"
+        + "".join(f", {states[each]} {each}" for each in ("failed check", "not done") if states[each])
     )
     say(f"Wrote {TABLE} and {PAGE} to {output}")
 

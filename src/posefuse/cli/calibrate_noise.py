@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, note, say, table
-from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Recording, TimestampsPath
+from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Overwrite, Recording, TimestampsPath
 from posefuse.model.options.options import Options
 
 _GAUSSIAN_NU, _HEAVY_NU, _MIN_EXPONENT = 50, 5, 0.1
@@ -19,6 +19,7 @@ def calibrate_noise(
     calibration: CalibrationPath = None,
     keypoints: KeypointsPath = None,
     timestamps: TimestampsPath = None,
+    overwrite: Overwrite = False,
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
     """Estimate a detector's error model by leaving views out, and write it for reconstruct --options FILE.
@@ -28,9 +29,11 @@ def calibrate_noise(
     from posefuse.io.files import replacing
     from posefuse.io.open_recording import RecordingInputs, open_recording
     from posefuse.io.options import noise_to_toml
+    from posefuse.io.outputs import check_new_files
     from posefuse.pipeline.calibrate_noise import calibrate_noise as calibrate
     from posefuse.preprocess.match_cameras import match_views
 
+    check_new_files([output], overwrite=overwrite)
     progress = Bars()
     opened = open_recording(recording, RecordingInputs(calibration, keypoints, timestamps), options, progress)
     rig, _, _ = match_views(opened.rig, opened.detections, options)

@@ -7,7 +7,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, count, note, say, table, wrote
-from posefuse.cli.types import InputFlags, Inputs, OptionFlags, Output, Recording
+from posefuse.cli.types import InputFlags, Inputs, OptionFlags, Output, Overwrite, Recording
 from posefuse.errors import OptionsError, choices, suggestion
 from posefuse.model.options.options import Options
 from posefuse.model.options.triangulation import METHODS
@@ -30,6 +30,7 @@ def compare(
     timing: Annotated[
         bool, Parameter(help="Measure CPU time, the only number that differs from run to run.", negative="--no-timing")
     ] = True,
+    overwrite: Overwrite = False,
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
     """Triangulate a recording by several methods with otherwise equal options; write comparison.csv and a figure.
@@ -40,11 +41,13 @@ def compare(
 
     from posefuse.io.files import must_exist, replacing_folder
     from posefuse.io.open_recording import open_recording
+    from posefuse.io.outputs import check_new_folder
     from posefuse.io.results.comparable import pair_with_truth
     from posefuse.io.results.comparison import write
     from posefuse.pipeline.compare_methods import compare_methods
     from posefuse.report.comparison import comparison_figure
 
+    check_new_folder(output, overwrite=overwrite, marker=TABLE)
     if truth is not None:
         must_exist(truth, "truth")
     truth_of = None if truth is None else lambda result: pair_with_truth(result, [truth])

@@ -7,6 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, count, note, say
+from posefuse.cli.types import Overwrite
 from posefuse.errors import FileError, OptionsError, choices, suggestion
 from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.calibration.registry import CALIBRATIONS
@@ -81,20 +82,21 @@ def convert(
         str | None, Parameter(help="Format to write; by default selected by the suffix of the output.")
     ] = None,
     onto: Annotated[str | None, Parameter(help="Skeleton to convert the keypoints to, such as body_20.")] = None,
+    overwrite: Overwrite = False,
     interpretation: Annotated[_Interpretation, Parameter(name="*", group="Input")] = _Interpretation(),
     session: Annotated[SessionFlags, Parameter(name="*", group="Session")] = SessionFlags(),
 ) -> None:
     """Convert 2D keypoints, a calibration or a stored result to another format.
 
-    posefuse formats lists the formats. A note states what the new format cannot hold. Existing files are not
-    overwritten.
+    posefuse formats lists the formats. A note states what the new format cannot hold.
     """
+    from posefuse.io.outputs import check_new_files, check_new_folder
+
     options = interpretation.options
-    _must_be_new(output)
     if _is_result(path):
         from posefuse.cli.convert_result import convert_result
 
-        convert_result(path, to, output, options.layer, session.applied_to)
+        convert_result(path, to, output, options.layer, session.applied_to, overwrite=overwrite)
         return
     written = (*KEYPOINTS.written(), *CALIBRATIONS.written())
     names = list(dict.fromkeys(form.name for form in written))
@@ -116,17 +118,18 @@ def convert(
         raise OptionsError(f"--to: posefuse cannot write keypoints or calibrations as {name!r}. "
                            f"{suggestion(name, names)}")  # fmt: skip
     source, reads = _source(path, keypoints, calibration)
+    if output.exists() and output.resolve() == source.resolve():
+        raise FileError(f"--output {output} is the input itself. Choose another output.")
+    if any(form is not None and form.endings for form in (keypoints, calibration)):
+        check_new_files([output], overwrite=overwrite)
+    else:
+        check_new_folder(output, overwrite=overwrite)
     if reads == "keypoints" and keypoints is not None:
         _convert_keypoints(source, output, keypoints, onto, options)
     elif reads == "a calibration" and calibration is not None:
         _convert_calibration(source, output, calibration, options)
     else:
         raise OptionsError(f"{source} contains {reads}, which posefuse cannot write as {name}.")
-
-
-def _must_be_new(output: Path) -> None:
-    if output.is_file():
-        raise FileError(f"{output} exists already. Choose another name or remove it.")
 
 
 def _is_result(path: Path) -> bool:

@@ -14,6 +14,8 @@ def convert_result(
     output: Path,
     layer: LayerName | None = None,
     change: Callable[[Options], Options] = lambda options: options,
+    *,
+    overwrite: bool = False,
 ) -> None:
     """Write a stored result in another format and print what the format cannot hold.
 
@@ -24,6 +26,7 @@ def convert_result(
             ``<stem>_<person><suffix>``, if there are several people.
         layer: Layer to write; by default the best one available.
         change: Returns the options of the result with changes, such as of the session.
+        overwrite: Whether to replace an existing output.
 
     Raises:
         FileError: if the result does not exist, or the output cannot be written.
@@ -37,7 +40,7 @@ def convert_result(
     if output.resolve() == source.resolve():
         raise ResultError(f"--output {output} is the result itself. Choose another output.")
     result = replace(result, options=replace(change(result.options), layer=layer or result.options.layer))
-    done = write(result, output, to)
+    done = write(result, output, to, overwrite=overwrite)
     wrote([file.name for file in done.files], output.parent)
     for remark in done.notes:
         note(f"note: {remark}")

@@ -6,6 +6,11 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, say
+from posefuse.cli.types import Overwrite
+
+_STAMP = "demo.txt"
+"""File by which the folder of an earlier demo is recognized."""
+_NOTE = "posefuse demo wrote the folders recording and result; the next demo in this folder replaces them.\n"
 
 
 def demo(
@@ -14,23 +19,31 @@ def demo(
     ),
     *,
     seed: Annotated[int, Parameter(help="Random seed of the simulated scene.")] = 0,
+    overwrite: Overwrite = False,
 ) -> None:
-    """Simulate a person in front of five cameras, reconstruct, compare with the truth, and write a report."""
+    """Simulate a person in front of five cameras, reconstruct, compare with the truth, and write a report.
+
+    The folder of an earlier demo is replaced.
+    """
     from posefuse.cli.describe_result import describe_result
-    from posefuse.cli.evaluate import evaluate
+    from posefuse.cli.evaluate import NumbersFile, evaluate
     from posefuse.cli.report import report
     from posefuse.cli.simulate import TRUTH, write_scene
-    from posefuse.io.files import replacing_folder
+    from posefuse.io.files import replacing, replacing_folder
+    from posefuse.io.outputs import check_new_folder
     from posefuse.pipeline.reconstruct_recording import reconstruct_recording
     from posefuse.synthetic.options import SceneOptions
     from posefuse.synthetic.scenes import simulate
 
     recording, result = output / "recording", output / "result"
+    check_new_folder(output, overwrite=overwrite or (output / _STAMP).is_file())
+    with replacing(output / _STAMP) as temporary:
+        temporary.write_text(_NOTE, "utf-8")
     say("Simulating a person who walks, turns, reaches, sits and jumps")
     with replacing_folder(recording, marker=TRUTH, owned=(TRUTH,)) as staging:
         write_scene(simulate(SceneOptions(seed=seed)), staging)
     say("Reconstructing")
-    describe_result(reconstruct_recording(recording, result, progress=Bars()).open())
-    evaluate(result, (recording / TRUTH,))
-    report(result, truth=(recording / TRUTH,))
+    describe_result(reconstruct_recording(recording, result, overwrite=True, progress=Bars()).open())
+    evaluate(result, (recording / TRUTH,), numbers=NumbersFile(overwrite=True))
+    report(result, truth=(recording / TRUTH,), overwrite=True)
     say(f"The report: {(result / 'report.html').resolve().as_uri()}")

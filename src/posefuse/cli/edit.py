@@ -7,6 +7,7 @@ from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, note, wrote
 from posefuse.cli.describe_result import describe_result, layer_remark
+from posefuse.cli.types import Overwrite
 
 
 def edit(
@@ -17,6 +18,7 @@ def edit(
         Path | None,
         Parameter(name=["--output", "-o"], help="Folder for the edited result; by default <result>_edited beside it."),
     ] = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Merge, split, rename, drop or swap people of a result, and write an edited copy.
 
@@ -27,7 +29,7 @@ def edit(
     from posefuse.io.results.open_result import open_result
     from posefuse.pipeline.edit_result import edit_result
 
-    output, written = edit_result(result, edits, output, progress=Bars())
+    output, written = edit_result(result, edits, output, overwrite=overwrite, progress=Bars())
     describe_result(open_result(output)[1])
     for remark in written.remarks:
         note(f"note: {remark}")

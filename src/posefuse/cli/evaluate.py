@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from posefuse.cli.console import count, note, percent, say, table
-from posefuse.cli.types import PointsUnit
+from posefuse.cli.types import Overwrite, PointsUnit
 from posefuse.evaluation.accuracy import Accuracy
 from posefuse.evaluation.head_points import HeadRule
 from posefuse.model.options.options import LayerName
@@ -30,6 +30,17 @@ _OF_IDENTITIES = {
     "entry_s", "people", "ghosts", "jitter", "bone_variation", "bone_variation_of", "undefined",
 }  # fmt: skip
 """Numbers of :class:`PeopleScores` that follow people over time."""
+
+
+@dataclass(frozen=True)
+class NumbersFile:
+    """Flags of the file of numbers."""
+
+    json_file: Annotated[
+        Path | None,
+        Parameter(name="--json", help="File for the numbers; by default evaluation.json in the result."),
+    ] = None
+    overwrite: Overwrite = False
 
 
 @dataclass(frozen=True)
@@ -74,10 +85,7 @@ def evaluate(
         tuple[StateName, ...],
         Parameter(help="Track states to evaluate; by default all frames with points."),
     ] = (),
-    json_file: Annotated[
-        Path | None,
-        Parameter(name="--json", help="File for the numbers; by default evaluation.json in the result."),
-    ] = None,
+    numbers: Annotated[NumbersFile, Parameter(name="*")] = NumbersFile(),
 ) -> None:
     """Compare a result with ground truth and write the numbers as JSON.
 
@@ -87,11 +95,14 @@ def evaluate(
     """
     from posefuse.evaluation.self_consistency import SelfConsistency, self_consistency
     from posefuse.io.files import must_exist, replacing
+    from posefuse.io.outputs import check_new_files
     from posefuse.io.results.comparable import read_comparable
     from posefuse.pipeline.evaluate_files import evaluate_files
 
     opened = read_comparable(must_exist(result, "result"), length_unit)
     path, reconstruction = opened.path, opened.content
+    target = numbers.json_file or path.parent / "evaluation.json"
+    check_new_files([target], overwrite=numbers.overwrite, target="--json")
     reconstruction = replace(reconstruction, options=replace(reconstruction.options, layer=layer))
     if opened.was_aligned:
         note("The result is aligned; it is compared in the calibration's coordinate system.")
@@ -103,12 +114,11 @@ def evaluate(
         scores = evaluate_files(reconstruction, truth, scoring.options(), length_unit=length_unit)
     else:
         scores = self_consistency(reconstruction)
-    numbers = plain(asdict(scores))
+    values = plain(asdict(scores))
     if not reconstruction.has_identities:
-        numbers = without_identities(numbers)
-    target = json_file or path.parent / "evaluation.json"
+        values = without_identities(values)
     with replacing(target) as temporary:
-        temporary.write_text(json.dumps(numbers, indent=2, allow_nan=False) + "\n", "utf-8")
+        temporary.write_text(json.dumps(values, indent=2, allow_nan=False) + "\n", "utf-8")
     if isinstance(scores, SelfConsistency):
         show_self_consistency(scores)
     elif isinstance(scores, Accuracy):

@@ -19,7 +19,7 @@ COMMANDS = {
 }
 """Public functions that messages name, and their commands."""
 
-FLAGS = {"format": "--to", "rigid=True": "--from board", "videos": "--video"}
+FLAGS = {"format": "--to", "path": "--output", "rigid=True": "--from board", "videos": "--video"}
 """Arguments whose flag has another name."""
 
 

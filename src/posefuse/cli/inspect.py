@@ -8,12 +8,14 @@ import numpy as np
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, count, note, percent, say, table, warn
+from posefuse.cli.findings import AcceptFindings, exit_on_certain_faults
 from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Recording, TimestampsPath
 from posefuse.errors import PosefuseError, RecordingError, choices
 from posefuse.io.open_recording import keypoint_request
 from posefuse.io.recording import RecognizedInput, find_recording, ignored_in
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
+from posefuse.model.findings import Finding
 from posefuse.model.options.options import Options
 
 _MOST_CAMERAS = 24
@@ -35,11 +37,13 @@ def inspect(
     keypoints: KeypointsPath = None,
     timestamps: TimestampsPath = None,
     deep: Annotated[bool, Parameter(negative="", help="Check the recording for faults by its detections.")] = False,
+    accept_findings: AcceptFindings = False,
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
     """Show the calibrations and keypoints in a folder, how they were recognized, and whether they match.
 
-    With --deep, also check the recording for faults: moved cameras, time offsets, rotated images, and more.
+    With --deep, also check the recording for faults: moved cameras, time offsets, rotated images, and more. The exit
+    code is then 3 if a fault is certain that makes results wrong; --accept-findings makes it 0.
     """
     found = find_recording(recording)
     calibrations = found.calibrations if calibration is None else (_given(calibration, calibration=True),)
@@ -69,7 +73,8 @@ def inspect(
     matched = _say_matches(_Inputs(rigs, seen), options)
     if deep and len(rigs) == len(seen) == 1:
         if matched:
-            _examine(rigs[0][1], seen[0][1], options)
+            findings = _examine(rigs[0][1], seen[0][1], options)
+            exit_on_certain_faults(findings, accept_findings, "results are")
     elif deep:
         raise RecordingError(
             "--deep needs one calibration and one set of keypoints. Add --calibration FILE and --keypoints PATH."
@@ -85,18 +90,19 @@ def _given(path: Path, *, calibration: bool) -> RecognizedInput:
     return RecognizedInput(path, "unknown") if form is None else RecognizedInput(path, form.name, form.recognized_by)
 
 
-def _examine(rig: CameraRig, detections: Detections, options: Options) -> None:
-    """Print the findings of the recording check, the most severe first."""
+def _examine(rig: CameraRig, detections: Detections, options: Options) -> tuple[Finding, ...]:
+    """Print and return the findings of the recording check, the most severe first."""
     from posefuse.pipeline.diagnose import inspect_health
 
     found = inspect_health(rig, detections, options, progress=Bars())
     if not found:
         say("recording check: no faults found")
-        return
+        return found
     say(f"recording check: {count(len(found), 'finding')}, the most severe first")
     for number, finding in enumerate(found, 1):
         say(f"{number}. {finding.kind}: {finding.sentence}")
         say(f"   {100 * finding.certainty:.0f} % certain. {finding.remedy}")
+    return found
 
 
 def _calibration(item: RecognizedInput, options: Options) -> CameraRig | None:

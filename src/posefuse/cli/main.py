@@ -24,7 +24,8 @@ _HELP = HelpFormatter()
 
 app = App(
     name="posefuse",
-    help="Reconstruct 3D people and animals from the 2D keypoints of several calibrated cameras.",
+    help="Reconstruct 3D people and animals from the 2D keypoints of several calibrated cameras.\n\n"
+    "Exit codes: 0 success, 1 failure, 2 wrong call, 3 the result is certainly wrong, 130 interrupted.",
     version_flags=["--version"],
     version=lambda: __import__("posefuse").__version__,
     help_format="plaintext",
@@ -95,7 +96,8 @@ def _joined(tokens: tuple[str, ...]) -> tuple[str, ...]:
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line.
 
-    The exit code is 0 on success, 1 if the command fails with a message, 2 for a wrong call and 130 after Ctrl-C.
+    The exit code is 0 on success, 1 if the command fails with a message, 2 for a wrong call, 3 if a result is certainly
+    wrong, and 130 after Ctrl-C.
     """
     _HELP.show_all = False
     with print_warnings():

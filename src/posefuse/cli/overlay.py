@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, count, note, say, warn
-from posefuse.cli.types import Result
+from posefuse.cli.types import Overwrite, Result
 from posefuse.cli.videos import Offsets, Videos
 from posefuse.model.options.options import LayerName
 
@@ -41,6 +41,7 @@ def overlay(
         Path | None,
         Parameter(help="File or folder of 2D keypoints to draw; by default those in the recording."),
     ] = None,
+    overwrite: Overwrite = False,
     drawing: Annotated[_Drawing, Parameter(name="*", group="Drawing")] = _Drawing(),
 ) -> None:
     """Draw a result's skeletons on the cameras' videos, with lens distortion.
@@ -65,7 +66,7 @@ def overlay(
     )
     videos = videos_by_camera(opened.rig, video)
     drawn_detections = detections_in(opened, detections, keypoints)
-    written = write_overlays(opened, videos, output, chosen, drawn_detections, Bars())
+    written = write_overlays(opened, videos, output, chosen, drawn_detections, overwrite=overwrite, progress=Bars())
     left_out = [name for name in opened.rig.names if name not in videos]
     if left_out and not drawing.blank:
         note(

@@ -6,10 +6,12 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from posefuse.cli.console import note, wrote
-from posefuse.cli.types import Result
+from posefuse.cli.types import Overwrite, Result
 from posefuse.errors import OptionsError, choices
 from posefuse.model.options.options import LayerName
 from posefuse.report.plots.registry import PLOT_NAMES, find_plot
+
+_SUFFIXES = ("png", "svg")
 
 
 def plot(
@@ -28,11 +30,12 @@ def plot(
         Parameter(help="Joint angles of the angle figure; by default the eight with the largest range."),
     ] = (),
     layer: Annotated[LayerName | None, Parameter(help="Layer to draw; by default the most processed one.")] = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Draw a result's figures as PNG and SVG, for papers and slides."""
     names = chosen_figures(figure)
 
-    from posefuse.io.files import replacing
+    from posefuse.io.outputs import check_new_files, replacing_together
     from posefuse.io.results.open_result import open_result
     from posefuse.report.plots.data import gather_plot_data
     from posefuse.report.plots.registry import draw_plot
@@ -40,24 +43,24 @@ def plot(
     _, reconstruction = open_result(result)
     if output.exists() and not output.is_dir():
         raise OptionsError(f"--output {output} is a file. Specify a folder.")
+    check_new_files([output / f"{name}.{suffix}" for name in names for suffix in _SUFFIXES], overwrite=overwrite)
     data = gather_plot_data(reconstruction, layer, keypoint, angle)
-    # Draw all figures before writing the first one, so that an error leaves no files behind.
     figures = {name: draw_plot(name, data) for name in names}
     empty = [name for name, drawn in figures.items() if drawn is None]
     if figure and empty:
         raise OptionsError(f"This result has no data for {_with_requirements(empty)}.")
-    files = []
-    output.mkdir(parents=True, exist_ok=True)
-    for name, drawn in figures.items():
-        if drawn is None:
-            continue
-        for suffix, content in (("png", drawn.png), ("svg", drawn.svg)):
-            with replacing(output / f"{name}.{suffix}") as temporary:
-                temporary.write_bytes(content)
-            files.append(f"{name}.{suffix}")
+    pictures = {
+        f"{name}.{suffix}": getattr(drawn, suffix)
+        for name, drawn in figures.items()
+        if drawn is not None
+        for suffix in _SUFFIXES
+    }
+    with replacing_together([output / file for file in pictures]) as temporary:
+        for path, picture in zip(temporary, pictures.values(), strict=True):
+            path.write_bytes(picture)
     if empty:
         note(f"No data for {_with_requirements(empty)}.")
-    wrote(files, output)
+    wrote(list(pictures), output)
 
 
 def chosen_figures(given: tuple[str, ...]) -> tuple[str, ...]:

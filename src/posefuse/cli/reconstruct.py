@@ -8,6 +8,7 @@ from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, note, warn, wrote
 from posefuse.cli.describe_result import describe_result, layer_remark
+from posefuse.cli.findings import AcceptFindings, exit_on_certain_faults
 from posefuse.cli.types import (
     Also,
     EditsPath,
@@ -15,6 +16,7 @@ from posefuse.cli.types import (
     Inputs,
     OptionFlags,
     Output,
+    Overwrite,
     Recording,
     SyncPath,
 )
@@ -38,6 +40,15 @@ class Shortcuts:
         return options if self.align is None else replace(options, align=replace(options.align, floor="feet"))
 
 
+@dataclass(frozen=True)
+class Outputs:
+    """Flags of what is written, and of the exit code."""
+
+    also: Also = ()
+    overwrite: Overwrite = False
+    accept_findings: AcceptFindings = False
+
+
 def reconstruct(
     recording: Recording,
     *,
@@ -46,7 +57,7 @@ def reconstruct(
     edits: EditsPath = None,
     sync: SyncPath = None,
     shortcuts: Annotated[Shortcuts, Parameter(name="*")] = Shortcuts(),
-    also: Also = (),
+    outputs: Annotated[Outputs, Parameter(name="*")] = Outputs(),
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
     """Reconstruct people in 3D from a recording's calibration and 2D keypoints.
@@ -57,7 +68,10 @@ def reconstruct(
 
     A recording of more than --chunk-frames frames is reconstructed chunk by chunk. Finished chunks are stored in
     OUTPUT/.parts until the result is complete: after an interruption of any kind, the same command resumes from the
-    last finished chunk. Ctrl-C writes a partial result of the finished chunks.
+    last finished chunk. Ctrl-C writes a partial result of the finished chunks. If OUTPUT already contains the result of
+    the same inputs and options, nothing is done; any other result in it is replaced only with --overwrite.
+
+    The exit code is 3 if the recording check is certain that the result is wrong; --accept-findings makes it 0.
     """
     from posefuse.pipeline.reconstruct_recording import reconstruct_recording
 
@@ -66,12 +80,25 @@ def reconstruct(
         from posefuse.io.options import read_sync
 
         options = replace(options, sync=read_sync(sync))
-    outcome = reconstruct_recording(recording, output, options, inputs=inputs.paths(edits), also=also, progress=Bars())
+    outcome = reconstruct_recording(
+        recording,
+        output,
+        options,
+        inputs=inputs.paths(edits),
+        also=outputs.also,
+        overwrite=outputs.overwrite,
+        progress=Bars(),
+    )
+    if outcome.kept:
+        note(f"{output} already contains the result of these inputs and options; nothing was done.")
+        exit_on_certain_faults(outcome.findings, outputs.accept_findings, "the result is")
+        return
     result = outcome.open()
     describe_result(result)
     for remark in outcome.remarks:
         note(f"note: {remark}")
-    wrote(outcome.files, output, layer_remark(outcome.files, outcome.layer, also))
+    wrote(outcome.files, output, layer_remark(outcome.files, outcome.layer, outputs.also))
     if outcome.partial:
         warn(outcome.partial)
         sys.exit(130)
+    exit_on_certain_faults(outcome.findings, outputs.accept_findings, "the result is")

@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from posefuse.calibration.outcome import CameraOutcome, Refinement
 from posefuse.cli.console import Bars, count, note, percent, say, table
-from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Recording
+from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Overwrite, Recording
 from posefuse.model.options.options import Options
 from posefuse.model.options.refinement import Refine, RefineOptions
 
@@ -35,8 +35,7 @@ def refine_calibration(
         Path,
         Parameter(
             name=["--output", "-o"],
-            help="Calibration file to write: in the format of the input if that is Pose2Sim's or Qualisys' "
-            "(name.qca.txt), else in Anipose's (name.toml).",
+            help="Calibration file to write: name.qca.txt if the input is Qualisys', else name.toml.",
         ),
     ],
     calibration: CalibrationPath = None,
@@ -46,6 +45,7 @@ def refine_calibration(
         Parameter(name="--from", help="Refine by the keypoints of a moving subject, or by the corners of a board."),
     ] = "keypoints",
     refining: Annotated[RefineFlags, Parameter(name="*")] = RefineFlags(),
+    overwrite: Overwrite = False,
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
     """Refine the poses of cameras, and optionally their lenses, from a recording; print the changes and uncertainties.
@@ -57,7 +57,9 @@ def refine_calibration(
 
     chosen = RefineOptions(refining.refine, refining.fix, refining.relocate, seed=refining.seed)
     inputs = RecordingInputs(calibration, keypoints)
-    result, form = refine_recording(recording, output, options, chosen, source=source, inputs=inputs, progress=Bars())
+    result, form = refine_recording(
+        recording, output, options, chosen, source=source, inputs=inputs, overwrite=overwrite, progress=Bars()
+    )
     describe(result)
     note(f"Wrote {output} {form}")
     say(f"Use it: posefuse reconstruct RECORDING --calibration {output}")

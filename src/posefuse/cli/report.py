@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, note
-from posefuse.cli.types import PointsUnit, Result
+from posefuse.cli.types import Overwrite, PointsUnit, Result
 
 
 def report(
@@ -20,10 +20,12 @@ def report(
     output: Annotated[
         Path | None, Parameter(name=["--output", "-o"], help="HTML file; by default report.html beside the result.")
     ] = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Write a result's report as one HTML page that needs no network."""
     from posefuse.alignment.apply import in_calibration_world
     from posefuse.io.files import replacing
+    from posefuse.io.outputs import check_new_files
     from posefuse.io.results.comparable import pair_with_truth, truth_at_frames_of
     from posefuse.io.results.open_result import open_result
     from posefuse.pipeline.evaluate_files import score
@@ -31,6 +33,7 @@ def report(
 
     path, reconstruction = open_result(result)
     target = output or path.parent / "report.html"
+    check_new_files([target], overwrite=overwrite)
     truth_m = accuracy = None
     if truth:
         compared = in_calibration_world(reconstruction)

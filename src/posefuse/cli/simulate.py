@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from posefuse.cli.console import say, wrote
+from posefuse.cli.types import Overwrite
 from posefuse.synthetic.options import SceneOptions
 
 if TYPE_CHECKING:
@@ -20,12 +21,15 @@ TRUTH = "truth.nc"
 def simulate(
     output: Annotated[Path, Parameter(name=["--output", "-o"], help="Folder for the recording.")],
     *,
+    overwrite: Overwrite = False,
     scene: Annotated[SceneOptions, Parameter(name="*", group="Scene")] = SceneOptions(),  # noqa: B008
 ) -> None:
     """Simulate a recording: a calibration, 2D keypoints with detector errors, and the ground truth."""
     from posefuse.io.files import replacing_folder
+    from posefuse.io.outputs import check_new_folder
     from posefuse.synthetic.scenes import simulate as run
 
+    check_new_folder(output, overwrite=overwrite, marker=TRUTH)
     simulated = run(scene)
     with replacing_folder(output, marker=TRUTH, owned=(CALIBRATION, KEYPOINTS, TRUTH)) as staging:
         write_scene(simulated, staging)

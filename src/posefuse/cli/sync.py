@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, note, say, table
-from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Recording
+from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Overwrite, Recording
 from posefuse.model.options.options import Options
 
 
@@ -20,6 +20,7 @@ def sync(
         str | None, Parameter(help="Camera whose clock is correct; by default that of most views.")
     ] = None,
     reach_s: Annotated[float, Parameter(help="Largest time offset to search, in seconds.")] = 2.0,
+    overwrite: Overwrite = False,
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
     """Measure the time offset of each view to a fraction of a frame, for reconstruct --sync FILE.
@@ -30,8 +31,10 @@ def sync(
     from posefuse.io.files import replacing
     from posefuse.io.open_recording import RecordingInputs, open_recording
     from posefuse.io.options import sync_to_toml
+    from posefuse.io.outputs import check_new_files
     from posefuse.pipeline.diagnose import measure_sync
 
+    check_new_files([output], overwrite=overwrite)
     progress = Bars()
     inputs = RecordingInputs(calibration, keypoints)
     opened = open_recording(recording, inputs, options, progress, timed=options.rate_hz is None)

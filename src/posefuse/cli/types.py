@@ -24,14 +24,15 @@ TimestampsPath = Annotated[
     Path | None,
     Parameter(help="File or folder of frame times; by default those in the recording."),
 ]
-EditsPath = Annotated[Path | None, Parameter(help="TOML file of edits to apply to the result; see posefuse edit.")]
+EditsPath = Annotated[Path | None, Parameter(help="TOML file of edits to apply; see posefuse edit.")]
 Also = Annotated[
     tuple[str, ...],
-    Parameter(help="Further formats to write, such as parquet or opensim; posefuse formats lists them."),
+    Parameter(help="Further formats to write; see posefuse formats."),
 ]
 PointsUnit = Annotated[
     LengthUnit | None, Parameter(help="Length unit of files of 3D points that do not state it: m, cm or mm.")
 ]
+Overwrite = Annotated[bool, Parameter(negative="", help="Replace an earlier output.")]
 SyncPath = Annotated[Path | None, Parameter(help="TOML file of time offsets that posefuse sync wrote.")]
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, note, say
-from posefuse.cli.types import Result
+from posefuse.cli.types import Overwrite, Result
 from posefuse.cli.videos import Offsets, Videos
 from posefuse.model.reconstruction import Reconstruction
 
@@ -27,6 +27,14 @@ class _Times:
     end_s: Annotated[float | None, Parameter(help="End time, exclusive, in the result's time.")] = None
 
 
+@dataclass(frozen=True)
+class _Saving:
+    """Flags of the file that replaces the window."""
+
+    save: Annotated[Path | None, Parameter(help="Write a .rrd file instead of opening a window.")] = None
+    overwrite: Overwrite = False
+
+
 def view(
     result: Result,
     *,
@@ -38,7 +46,7 @@ def view(
     video: Videos = (),
     offset_s: Offsets = (),
     times: Annotated[_Times, Parameter(name="*")] = _Times(),
-    save: Annotated[Path | None, Parameter(help="Write a .rrd file instead of opening a window.")] = None,
+    saving: Annotated[_Saving, Parameter(name="*")] = _Saving(),
 ) -> None:
     """Open a result in the rerun viewer: people in 3D, camera images, and numbers over time.
 
@@ -46,14 +54,18 @@ def view(
     """
     from posefuse.cli.videos import detections_in
     from posefuse.io.files import replacing
+    from posefuse.io.outputs import check_new_files
     from posefuse.io.results.open_result import open_result
     from posefuse.visualize.frame_times import frames_between
     from posefuse.visualize.viewer.library import import_rerun
     from posefuse.visualize.viewer.show import open_scene, require_display, save_scene
 
     import_rerun()
+    save = saving.save
     if save is None:
         require_display()
+    else:
+        check_new_files([save], overwrite=saving.overwrite, target="--save")
     _, whole = open_result(result)
     opened = frames_between(whole, times.start_s, times.end_s)
     videos = _viewer_videos(opened, video, offset_s, times.match)

@@ -14,6 +14,7 @@ from posefuse.diagnostics import (
     lenses,
     repeated_frames,
     view_overlap,
+    world_scale,
     wrong_calibration,
 )
 from posefuse.diagnostics.examination import Examination
@@ -22,6 +23,7 @@ from posefuse.model.findings import Finding
 
 FINDERS: tuple[Callable[[Examination], tuple[Finding, ...]], ...] = (
     wrong_calibration.find,
+    world_scale.find,
     camera_order.find,
     copied_poses.find,
     image_orientation.find,

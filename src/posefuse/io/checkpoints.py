@@ -102,7 +102,7 @@ class CheckpointFolder:
         """
         others = 0
         if folder.is_dir() and any(folder.iterdir()):
-            if _key_in(folder) != key:
+            if key_in(folder) != key:
                 others = sum(1 for file in folder.rglob("*") if file.suffix == ".part")
                 remove_parts(folder)
         elif folder.exists() and not folder.is_dir():
@@ -252,7 +252,7 @@ def _remove_except(folder: Path, kept: tuple[Path, ...]) -> None:
                 entry.unlink()
 
 
-def _key_in(folder: Path) -> str:
+def key_in(folder: Path) -> str:
     """Return the key of the parts in a folder; empty if it cannot be read.
 
     Raises:

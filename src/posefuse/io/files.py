@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from posefuse.errors import FileError, PosefuseError, choices
+from posefuse.io.folder_locks import busy_error, exclusive_folder, is_same_folder
 
 _LARGE_BYTES = 256_000_000
 _MAX_UNPACKED_RATIO = 200
@@ -224,12 +225,12 @@ def replacing(path: Path) -> Iterator[Path]:
         FileError: If ``path`` is a folder or cannot be written.
     """
     temporary = path.with_name(f".{path.stem}.partial{path.suffix}")
-    with _writable(path):
+    with writable(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():
             raise FileError(f"{path} is a folder. Specify the name of a file.")
     try:
-        with _writable(path):
+        with writable(path):
             yield temporary
             os.replace(temporary, path)
     finally:
@@ -238,7 +239,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def _writable(path: Path) -> Iterator[None]:
+def writable(path: Path) -> Iterator[None]:
     """Turn an OSError into a FileError that states why the path cannot be written."""
     try:
         yield
@@ -246,60 +247,9 @@ def _writable(path: Path) -> Iterator[None]:
         raise FileError(f"{path} cannot be written: {error.strerror or error}. Choose another location.") from None
 
 
-@contextlib.contextmanager
-def exclusive_folder(locked: Path, folder: Path) -> Iterator[None]:
-    """Lock a folder for this process while the block runs.
-
-    This is an advisory lock of the operating system, which releases it when the process ends in any way. Without such
-    locks (Windows, some network drives), the folder is not locked.
-
-    Args:
-        locked: Folder to lock.
-        folder: Output folder as the user named it, for the message.
-
-    Raises:
-        FileError: If another process holds the lock.
-    """
-    try:
-        import fcntl
-
-        descriptor = os.open(locked, os.O_RDONLY)
-    except FileNotFoundError:
-        raise _busy(folder) from None
-    except (ImportError, OSError):
-        yield
-        return
-    try:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise _busy(folder) from None
-        except OSError:
-            pass
-        # The previous owner may have removed the folder, and another process may have recreated it since.
-        if not _is_same(locked, os.fstat(descriptor)):
-            raise _busy(folder)
-        yield
-    finally:
-        os.close(descriptor)
-
-
-def _is_same(path: Path, expected: os.stat_result) -> bool:
-    try:
-        return os.path.samestat(path.stat(), expected)
-    except FileNotFoundError:
-        return False
-
-
-def _busy(folder: Path) -> FileError:
-    return FileError(
-        f"`output={str(folder)!r}`: another posefuse process is writing to this folder. Wait for it, stop it, or "
-        "choose another folder."
-    )
-
-
 RESULT_FILES = (
-    "reconstruction.nc", "*.csv", "*.trc", "*.c3d", "*.bvh", "*.glb", "report.html", "evaluation.json", "debug/*.png",
+    "reconstruction.nc", "fingerprint.json", "*.csv", "*.trc", "*.c3d", "*.bvh", "*.glb", "report.html",
+    "evaluation.json", "debug/*.png",
     "points.parquet", "points*.npz", "points.nwb", "points3d.h5", "points_dlc.h5", "movement.nc",
     "freemocap*/output_data/*/*.npy", "freemocap*/output_data/*.*",
     "opensim/*.trc", "opensim/*.xml", "openpose/*_json/*_keypoints.json",
@@ -331,44 +281,52 @@ def replacing_folder(
         FileError: If ``folder`` is a file, contains other files but not ``marker``, or is being written by another
             process.
     """
-    if folder.exists() and not folder.is_dir():
-        raise FileError(f"`output={str(folder)!r}` is a file. Specify a folder.")
-    others = (
-        sorted(entry.name for entry in folder.iterdir() if entry.name != CHECKPOINT_FOLDER) if folder.is_dir() else []
-    )
-    # A run that was stopped during the move leaves checkpoints but possibly no marker.
-    is_result = (folder / marker).exists() or (folder / CHECKPOINT_FOLDER).exists()
-    if others and not is_result:
-        raise FileError(
-            f"`output={str(folder)!r}` already contains other files ({choices(others, 5)}) "
-            "and is not a result of this command. Choose a new or empty folder."
-        )
+    check_folder_marker(folder, marker)
     destination = folder.resolve()
     staging = destination.with_name(f".{destination.name}.partial")
     with contextlib.ExitStack() as cleanup:
         _remove_stale(staging, folder)
-        with _writable(folder):
+        with writable(folder):
             destination.parent.mkdir(parents=True, exist_ok=True)
             try:
                 staging.mkdir()
             except FileExistsError:
-                raise _busy(folder) from None
+                raise busy_error(folder) from None
         cleanup.enter_context(exclusive_folder(staging, folder))
         own_staging = staging.stat()
 
         @cleanup.callback
         def remove_staging() -> None:
-            if _is_same(staging, own_staging):
+            if is_same_folder(staging, own_staging):
                 shutil.rmtree(staging, ignore_errors=True)
 
         yield staging
         # Without locks, another process may have started to write since.
-        if not _is_same(staging, own_staging):
-            raise _busy(folder)
-        with _writable(folder):
+        if not is_same_folder(staging, own_staging):
+            raise busy_error(folder)
+        with writable(folder):
             _move(staging, destination, marker, owned)
         if after is not None:
             after.close()
+
+
+def check_folder_marker(folder: Path, marker: str) -> list[str]:
+    """Return the names in a folder, after a check that it is absent, empty, or a folder of the marker's kind.
+
+    Raises:
+        FileError: If ``folder`` is a file, or contains other files but not ``marker``.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise FileError(f"`output={str(folder)!r}` is a file. Specify a folder.")
+    names = sorted(entry.name for entry in folder.iterdir()) if folder.is_dir() else []
+    others = [name for name in names if name != CHECKPOINT_FOLDER]
+    # A run that was stopped during the move leaves checkpoints but possibly no marker.
+    if others and not (folder / marker).exists() and CHECKPOINT_FOLDER not in names:
+        raise FileError(
+            f"`output={str(folder)!r}` already contains other files ({choices(others, 5)}) "
+            "and is not a result of this command. Choose a new or empty folder."
+        )
+    return names
 
 
 def _remove_stale(staging: Path, folder: Path) -> None:

@@ -77,8 +77,7 @@ def open_recording(
     timestamps = inputs.timestamps
     nearby = None if timestamps is not None else timestamps_in(folder, keypoints, options)
     # Hashed before reading: if a file changes meanwhile, the digest does not match the new content.
-    files = [file for file in (calibration, keypoints, timestamps, nearby) if file is not None]
-    digests = {file.name: digest_path(file) for file in files if file.exists() or files_at(file)}
+    digests = _digests(calibration, keypoints, timestamps, nearby)
     known = None
     if calibration is not None:
         known = read_cameras(calibration, length_unit=options.length_unit, up=options.up)
@@ -87,6 +86,21 @@ def open_recording(
     if timed and options.people != "stills":
         require_times(detections)
     return OpenedRecording(rig, detections, digests)
+
+
+def input_digests(folder: Path, inputs: RecordingInputs, options: Options) -> dict[str, str]:
+    """Return the digests of a recording's inputs, as :attr:`OpenedRecording.digests`.
+
+    Raises:
+        PosefuseError: if an input is missing or ambiguous.
+    """
+    calibration, keypoints = calibration_and_keypoints(folder, inputs, options)
+    nearby = None if inputs.timestamps is not None else timestamps_in(folder, keypoints, options)
+    return _digests(calibration, keypoints, inputs.timestamps, nearby)
+
+
+def _digests(*files: Path | None) -> dict[str, str]:
+    return {file.name: digest_path(file) for file in files if file is not None and (file.exists() or files_at(file))}
 
 
 def calibration_and_keypoints(

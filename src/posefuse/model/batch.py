@@ -6,8 +6,24 @@ from typing import Literal
 
 from posefuse.model.options.options import Options
 
-JobState = Literal["done", "kept", "failed", "not done"]
-"""Reconstructed in this run; unchanged since an earlier run; failed; not reached before the batch was interrupted."""
+JobState = Literal["done", "kept", "failed", "failed check", "not done"]
+"""Reconstructed in this run; unchanged since an earlier run; without a result; with a result that is certainly wrong;
+not reached before the batch was interrupted."""
+
+
+@dataclass(frozen=True)
+class JobTreatment:
+    """What a batch does with earlier and with wrong results.
+
+    Attributes:
+        again: whether to reconstruct recordings that have not changed.
+        overwrite: whether to replace results of other inputs, options or versions.
+        accept_findings: whether a result that is certainly wrong counts as done.
+    """
+
+    again: bool = False
+    overwrite: bool = False
+    accept_findings: bool = False
 
 
 @dataclass(frozen=True)
@@ -20,7 +36,7 @@ class Job:
         output: absolute path of the result's folder.
         calibration: calibration of all recordings, or None where each has its own.
         options: options of the reconstruction.
-        again: whether to reconstruct even if nothing has changed.
+        treatment: what happens to earlier and to wrong results.
         window_s: on a cluster, length of the windows into which a recording of at least two windows is divided; None
             to divide no recording.
     """
@@ -30,7 +46,7 @@ class Job:
     output: Path
     calibration: Path | None
     options: Options
-    again: bool = False
+    treatment: JobTreatment = JobTreatment()
     window_s: float | None = None
 
 

@@ -1,5 +1,6 @@
 """Findings of the recording check."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -10,6 +11,7 @@ class FindingKind(StrEnum):
     """Enumerate the faults of a recording that the recording check can identify."""
 
     WRONG_CALIBRATION = "wrong calibration"
+    SCALE = "scale"
     CAMERA_ORDER = "camera order"
     COPIED_POSE = "copied pose"
     IMAGE_TRANSFORM = "image rotated or resized"
@@ -24,6 +26,17 @@ class FindingKind(StrEnum):
     CONFIDENCE = "confidence"
     LOW_OVERLAP = "low overlap"
     INCOMPLETE = "incomplete check"
+
+
+_CERTAIN = 0.95
+_GROSS = (
+    FindingKind.WRONG_CALIBRATION,
+    FindingKind.SCALE,
+    FindingKind.CAMERA_ORDER,
+    FindingKind.COPIED_POSE,
+    FindingKind.IMAGE_TRANSFORM,
+)
+"""Faults that make results wrong; a wrong focal length of all cameras is another one."""
 
 
 @checked
@@ -55,6 +68,20 @@ class Finding:
     sentence: str
     remedy: str
 
+    @property
+    def is_certain(self) -> bool:
+        """Whether results are wrong beyond doubt: a gross fault, and no other explanation.
+
+        Small faults, which only make results less accurate, and faults that a command corrects or avoids, do not count.
+        """
+        gross = self.kind in _GROSS or (self.kind is FindingKind.FOCAL_LENGTH and not self.cameras)
+        return gross and self.certainty >= _CERTAIN
+
     def __str__(self) -> str:
         """Return the sentence, its certainty, and the remedy."""
         return f"{self.sentence} ({100 * self.certainty:.0f} % certain) {self.remedy}"
+
+
+def certain_faults(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Return the findings that make results wrong beyond doubt."""
+    return tuple(finding for finding in findings if finding.is_certain)

@@ -6,6 +6,7 @@ from pathlib import Path
 from posefuse.arguments import checked
 from posefuse.diagnostics import recording_check
 from posefuse.diagnostics.examine import DEEP, SHORT
+from posefuse.diagnostics.findings import rank_findings
 from posefuse.diagnostics.time_offsets import ViewTiming
 from posefuse.errors import DetectionsError
 from posefuse.io.open_recording import RecordingInputs, open_recording
@@ -24,13 +25,16 @@ from posefuse.progress import Progress, Silent
 
 
 def check_recording(plan: Plan) -> Plan:
-    """Return the plan with the findings of a short recording check.
+    """Return the plan with the findings of a short recording check in addition to its own.
 
     One camera and unrelated frames cannot be checked, and ``health = "off"`` disables the check.
     """
     if len(plan.rig) == 1 or plan.options.health == "off" or plan.options.people == STILLS:
         return plan
-    return replace(plan, findings=recording_check.find_faults(plan.rig, plan.detections, plan.subjects, SHORT))
+    found = recording_check.find_faults(plan.rig, plan.detections, plan.subjects, SHORT)
+    known = {finding.kind for finding in plan.findings}
+    others = [finding for finding in found if finding.kind not in known]
+    return replace(plan, findings=rank_findings([*plan.findings, *others]))
 
 
 @checked

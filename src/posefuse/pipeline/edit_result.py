@@ -7,8 +7,9 @@ from pathlib import Path
 from posefuse.editing import edited_chunks
 from posefuse.errors import EditError
 from posefuse.io.edits import read_edits
-from posefuse.io.files import replacing_folder
+from posefuse.io.files import RESULT_FILES, replacing_folder
 from posefuse.io.open_recording import digest_path
+from posefuse.io.outputs import check_new_folder
 from posefuse.io.results import netcdf
 from posefuse.io.results.open_result import open_result
 from posefuse.model.edits import Edit
@@ -36,7 +37,12 @@ class Edits:
 
 
 def edit_result(
-    result: Path, edits: Path, output: Path | None = None, *, progress: Progress | None = None
+    result: Path,
+    edits: Path,
+    output: Path | None = None,
+    *,
+    overwrite: bool = False,
+    progress: Progress | None = None,
 ) -> tuple[Path, WrittenOutputs]:
     """Apply edits to a stored result and write the edited result to another folder.
 
@@ -44,6 +50,7 @@ def edit_result(
         result: folder of a result, or its ``reconstruction.nc``.
         edits: TOML file of edits.
         output: folder for the edited result, by default ``<result>_edited`` beside the result.
+        overwrite: whether to replace an earlier result in the folder.
         progress: receives the progress.
 
     Returns:
@@ -51,6 +58,7 @@ def edit_result(
 
     Raises:
         EditError: if the edits do not fit the result, or the output is the result itself.
+        OutputExistsError: if the output contains an earlier result and ``overwrite`` is False.
     """
     loaded = Edits.read(edits)
     path, before = open_result(result)
@@ -58,6 +66,7 @@ def edit_result(
     output = output or source.with_name(f"{source.name}_edited")
     if output.resolve() == source:
         raise EditError(f"`output={str(output)!r}` is the result itself. Choose another folder; the original is kept.")
+    check_new_folder(output, overwrite=overwrite, marker=RESULT_FILES[0])
     with replacing_folder(output) as staging:
         write_edited(before, loaded, staging / "reconstruction.nc")
         after = netcdf.read_reconstruction(staging / "reconstruction.nc")

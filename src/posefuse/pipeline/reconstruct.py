@@ -282,15 +282,15 @@ def resize(plan: Plan, scale: float, progress: Progress, find: FindSubjects) -> 
 
 
 def with_findings(plan: Plan) -> Plan:
-    """Return the plan with a note, and a warning, of each problem that the noise estimate's sample shows.
+    """Return the plan with a note or finding, and a warning, of each problem that the noise estimate's sample shows.
 
     This sample is triangulated by ``consensus`` whatever the chosen method: it must reject views that contradict the
     others.
     """
     if plan.agreement is None:
         return plan
-    notes = sample_findings(plan.rig, plan.agreement, plan.noise, plan.detections.skeleton)
-    return replace(plan, provenance=plan.provenance.with_notes(notes))
+    notes, findings = sample_findings(plan.rig, plan.agreement, plan.noise, plan.detections.skeleton)
+    return replace(plan, findings=findings, provenance=plan.provenance.with_notes(notes))
 
 
 def with_up(plan: Plan) -> Plan:

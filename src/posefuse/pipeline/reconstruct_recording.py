@@ -1,17 +1,18 @@
 """Reconstruct a recording: read it, reconstruct it, write every output. The recipe of every caller."""
 
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from posefuse.arguments import checked
 from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
-from posefuse.errors import PosefuseWarning, handle_warnings
-from posefuse.io.checkpoints import CheckpointFolder
-from posefuse.io.files import CHECKPOINT_FOLDER, RESULT_FILES, replacing_folder
-from posefuse.io.open_recording import OpenedRecording, RecordingInputs, open_recording
+from posefuse.errors import PosefuseWarning, RecordingError, handle_warnings
+from posefuse.io.checkpoints import CheckpointFolder, remove_parts
+from posefuse.io.files import CHECKPOINT_FOLDER, replacing_folder
+from posefuse.io.open_recording import OpenedRecording, RecordingInputs, digest_path, input_digests, open_recording
 from posefuse.io.results import netcdf
 from posefuse.model.findings import Finding
 from posefuse.model.options.options import LayerName, Options
@@ -19,6 +20,16 @@ from posefuse.model.reconstruction import Reconstruction
 from posefuse.pipeline.diagnose import check_recording
 from posefuse.pipeline.distributed import PieceRunner, Workers, prepare_distributed, reconstruct_distributed
 from posefuse.pipeline.edit_result import Edits, write_edited
+from posefuse.pipeline.fingerprints import (
+    MARK,
+    RESULT,
+    Mark,
+    RecordingKeys,
+    find_earlier,
+    is_occupied,
+    recording_keys,
+    write_mark,
+)
 from posefuse.pipeline.measured_layer import PARTIAL, finished_chunks, reconstruct_chunks
 from posefuse.pipeline.plan import Plan
 from posefuse.pipeline.reconstruct import prepare
@@ -33,7 +44,7 @@ from posefuse.pipeline.write_outputs import (
 )
 from posefuse.progress import Progress, Silent
 
-RESULT = RESULT_FILES[0]
+_CHANGED = "The files of the recording changed while it was reconstructed. Run the same command again."
 
 
 @checked
@@ -49,6 +60,7 @@ class Outcome:
         notes: notes of the readers and stages.
         remarks: what the formats cannot hold.
         partial: why the result does not cover the whole recording; empty if it does.
+        kept: whether the folder already contained the result, so that nothing was done.
     """
 
     output: Path
@@ -58,29 +70,29 @@ class Outcome:
     notes: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     partial: str = ""
+    kept: bool = False
 
     def open(self) -> Reconstruction:
         """Open the result; its arrays are read from the file when they are used."""
         return netcdf.read_reconstruction(self.output / RESULT)
 
 
-def _nothing(_: object) -> None:
-    """Do nothing."""
+def _nothing(_: object) -> Mapping[str, Any]:
+    return {}
 
 
 @dataclass(frozen=True)
-class Delivery:
-    """What a caller does when the finished files take their place.
+class Execution:
+    """How a batch runs a reconstruction.
 
     Attributes:
-        marker: name of the file by which the output folder is recognized as a result.
-        verify: called with the finished result before it replaces an earlier one; raises to reject it.
-        finish: called when all files are in place, before the checkpoint is removed.
+        workers: run pieces of a long recording elsewhere, such as on a cluster; None to run everything here.
+        remember: called with the finished result before it replaces an earlier one; returns JSON values that are stored
+            beside it.
     """
 
-    marker: str = RESULT
-    verify: Callable[[Reconstruction], None] = _nothing
-    finish: Callable[[Outcome], None] = _nothing
+    workers: Workers | None = None
+    remember: Callable[[Reconstruction], Mapping[str, Any]] = _nothing
 
 
 @checked
@@ -91,54 +103,121 @@ def reconstruct_recording(
     *,
     inputs: RecordingInputs | None = None,
     also: tuple[str, ...] = (),
+    overwrite: bool = False,
     progress: Progress | None = None,
-    workers: Workers | None = None,
-    delivery: Delivery | None = None,
+    execution: Execution | None = None,
 ) -> Outcome:
     """Reconstruct a recording and write every output into a folder.
 
     A recording of more than ``chunk_frames`` frames is reconstructed chunk by chunk. Finished chunks are stored in
     ``output/.parts`` until the result is complete; after an interruption of any kind the same call resumes from them.
-    On KeyboardInterrupt the finished chunks become a partial result, and :attr:`Outcome.partial` says so.
+    On KeyboardInterrupt the finished chunks become a partial result, and :attr:`Outcome.partial` says so. If the folder
+    already contains the result of the same inputs and options, nothing is done, and :attr:`Outcome.kept` says so.
 
     Args:
         recording: folder of the recording.
-        output: folder for the result; created if absent. An earlier result in it is replaced.
+        output: folder for the result; created if absent.
         options: options of the reconstruction.
         inputs: paths of inputs that are not found in the folder or are ambiguous there, and edits to apply.
         also: other formats to write, see ``posefuse formats``.
+        overwrite: whether to replace an earlier result in the folder, whatever its inputs and options.
         progress: receives the progress.
-        workers: run pieces of a long recording elsewhere, such as on a cluster.
-        delivery: what else happens when the finished files take their place.
+        execution: how a batch runs it.
 
     Returns:
         The files written, the findings of the recording check, and notes.
 
     Raises:
+        OutputExistsError: if the folder contains a result of other inputs, options or versions.
         PosefuseError: if the recording cannot be read, reconstructed or written.
         KeyboardInterrupt: if the run is interrupted before the first chunk is finished.
     """
-    output, delivery = Path(output), delivery or Delivery()
+    output, execution = Path(output), execution or Execution()
     require_known_formats(also)
+    request = _Request(Path(recording), options or Options(), inputs or RecordingInputs(), also, execution.workers)
+    mark = None if overwrite or not is_occupied(output) else find_earlier(output, [request.keys()])
+    if mark is not None:
+        return kept_outcome(output, mark)
     after = ExitStack()
     with (
         _announce_checkpoint(output / CHECKPOINT_FOLDER),
-        replacing_folder(output, delivery.marker, after=after) as staging,
+        replacing_folder(output, MARK if (output / MARK).exists() else RESULT, after=after) as staging,
     ):
-        run = _Run(staging, output, options or Options(), inputs or RecordingInputs(), also, progress or Silent())
-        outcome, checkpoint = run.reconstruct(Path(recording), workers)
+        run = _Run(staging, output, request.options, request.inputs, also, progress or Silent())
+        outcome, checkpoint = run.reconstruct(request.folder, execution.workers)
         files, remarks = write_other_formats(staging, also)
         outcome = replace(outcome, files=(*outcome.files, *files), remarks=(*outcome.remarks, *remarks))
         if not outcome.partial:
-            delivery.verify(netcdf.read_reconstruction(staging / RESULT))
+            result = netcdf.read_reconstruction(staging / RESULT)
+            keys = _unchanged_keys(request, result, output)
+            remembered = execution.remember(result)
 
             @after.callback
             def finish() -> None:
-                delivery.finish(outcome)
+                # The mark comes last, but before the checkpoint is removed: an interruption leaves one of the two.
+                write_mark(output, keys.result, outcome.files, remembered)
                 if checkpoint is not None:
                     checkpoint.remove()
 
     return outcome
+
+
+@dataclass(frozen=True)
+class _Request:
+    """What the result depends on.
+
+    Attributes:
+        folder: folder of the recording.
+        options: options as requested.
+        inputs: paths of inputs.
+        also: further formats.
+        workers: run pieces elsewhere, or None.
+    """
+
+    folder: Path
+    options: Options
+    inputs: RecordingInputs
+    also: tuple[str, ...]
+    workers: Workers | None
+
+    def digests(self) -> dict[str, str]:
+        """Return the digests of the inputs as they are now."""
+        return input_digests(self.folder, self.inputs, self.options)
+
+    def keys(self, digests: Mapping[str, str] | None = None) -> RecordingKeys:
+        """Return the keys of the inputs as they are now, or of given digests."""
+        window_s = None if self.workers is None else self.workers.window_s
+        digests = self.digests() if digests is None else digests
+        return recording_keys(digests, self.options, edits=self.inputs.edits, also=self.also, window_s=window_s)
+
+
+def _unchanged_keys(request: _Request, result: Reconstruction, output: Path) -> RecordingKeys:
+    """Return the keys of a result.
+
+    Raises:
+        RecordingError: if an input is not the one that the result was computed from.
+    """
+    digests = request.digests()
+    edits = request.inputs.edits
+    now = {*digests.values(), *(() if edits is None else (digest_path(edits),))}
+    if not set(result.provenance.inputs.values()) <= now:
+        remove_parts(output / CHECKPOINT_FOLDER)
+        raise RecordingError(_CHANGED)
+    return request.keys(digests)
+
+
+def kept_outcome(output: Path, mark: Mark) -> Outcome:
+    """Return the outcome for a folder that already contains the result.
+
+    Args:
+        output: folder of the result.
+        mark: its mark.
+    """
+    # A run may have ended after writing the mark and before removing its checkpoint.
+    remove_parts(output / CHECKPOINT_FOLDER)
+    result = netcdf.read_reconstruction(output / RESULT)
+    layer, _ = result.best_layer(result.options.layer)
+    return Outcome(output, mark.files, layer, result.findings, result.provenance.notes, kept=True)
 
 
 @contextmanager

@@ -1,14 +1,11 @@
 """The checkpoint of a recording's reconstruction: valid for the same inputs, options and versions."""
 
-from dataclasses import asdict
-from importlib.metadata import version
 from pathlib import Path
-from platform import python_version
 
-from posefuse.io.checkpoints import CheckpointFolder, digest_of
-from posefuse.io.netcdf import skeleton_text
+from posefuse.io.checkpoints import CheckpointFolder
 from posefuse.io.open_recording import OpenedRecording
 from posefuse.model.options.options import Options
+from posefuse.pipeline.fingerprints import recording_keys
 from posefuse.progress import Progress
 
 
@@ -29,15 +26,8 @@ def open_checkpoint(
     """
     if window_s is None and opened.detections.n_frames <= options.chunk_frames and not folder.exists():
         return None
-    key = {
-        "inputs": opened.digests,
-        "options": asdict(options),
-        "skeleton": skeleton_text(opened.detections.skeleton),
-        "versions": {"python": python_version()}
-        | {name: version(name) for name in ("posefuse", "numpy", "numba", "scipy")},
-        "window_s": window_s,
-    }
-    checkpoint, removed = CheckpointFolder.opened(folder, digest_of(key))
+    key = recording_keys(opened.digests, options, window_s=window_s).parts
+    checkpoint, removed = CheckpointFolder.opened(folder, key)
     if removed:
         parts = f"{removed} part" if removed == 1 else f"{removed} parts"
         progress.note(f"Removed {parts} of other inputs, options or versions from {folder}.")

@@ -13,6 +13,7 @@ from posefuse.io.calibration.write import check_name, write_like
 from posefuse.io.keypoints.read import read_keypoints
 from posefuse.io.keypoints.request import Request
 from posefuse.io.open_recording import RecordingInputs, digest_path
+from posefuse.io.outputs import check_new_files
 from posefuse.io.recording import choose_calibration, choose_keypoints, find_recording
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
@@ -33,6 +34,7 @@ def refine_recording(
     *,
     source: Source = "keypoints",
     inputs: RecordingInputs | None = None,
+    overwrite: bool = False,
     progress: Progress | None = None,
 ) -> tuple[Refinement, str]:
     """Refine the calibration of a recording and write the refined one.
@@ -44,6 +46,7 @@ def refine_recording(
         refining: parameters to refine.
         source: what to refine by.
         inputs: paths of inputs that are not found in the folder or are ambiguous there.
+        overwrite: whether to replace an existing file.
         progress: receives the progress.
 
     Returns:
@@ -52,6 +55,7 @@ def refine_recording(
     Raises:
         CalibrationError: if the observations do not determine the cameras.
         FileError: if the output is the calibration itself, or cannot be written.
+        OutputExistsError: if the output exists and ``overwrite`` is False.
     """
     options, refining, progress = options or Options(), refining or RefineOptions(), progress or Silent()
     calibration, rig, detections = _read(recording, inputs or RecordingInputs(), source, options, progress)
@@ -59,6 +63,7 @@ def refine_recording(
         raise FileError(
             f"`output={str(output)!r}` is the calibration to refine, which is never overwritten. Choose another file."
         )
+    check_new_files([output], overwrite=overwrite)
     check_name(output, calibration)
     if source == "board":
         options, refining = replace(options, people="one"), replace(refining, rigid=True)

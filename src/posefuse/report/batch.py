@@ -5,6 +5,7 @@ import io
 from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
+from pathlib import Path
 from urllib.parse import quote
 
 from posefuse.model.batch import JobResult, ResultStatistics
@@ -34,6 +35,16 @@ def batch_csv(outcomes: Sequence[JobResult]) -> str:
     return text.getvalue()
 
 
+def names_in_csv(path: Path) -> list[str] | None:
+    """Return the recordings in a table that :func:`batch_csv` made, or None if the file is something else."""
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = list(csv.reader(file))
+    except (OSError, ValueError, csv.Error):
+        return None
+    return [row[0] for row in rows[1:] if row] if rows and tuple(rows[0]) == _COLUMNS else None
+
+
 def batch_page(outcomes: Sequence[JobResult]) -> str:
     """Return the page as HTML: failures with their reasons, then all recordings with links to their reports."""
     failed = [each for each in outcomes if each.state in _NO_RESULT]
@@ -41,8 +52,8 @@ def batch_page(outcomes: Sequence[JobResult]) -> str:
     css = files("posefuse.report").joinpath("assets", "report.css").read_text("utf-8")
     head = "".join(f"<th>{escape(name)}</th>" for name in _HEADINGS)
     rows = "".join(_row(each) for each in outcomes)
-    reasons = "".join(f"<tr><th>{escape(each.name)}</th><td>{message_html(each.why)}</td></tr>" for each in failed)
-    failures = f"<h2>Not reconstructed</h2><table>{reasons}</table>" if failed else ""
+    doubtful = [each for each in outcomes if each.state == "failed check"]
+    failures = _reasons("Not reconstructed", failed) + _reasons("Failed check", doubtful)
     heading = "1 recording" if len(outcomes) == 1 else f"{len(outcomes)} recordings"
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8">'
@@ -51,6 +62,12 @@ def batch_page(outcomes: Sequence[JobResult]) -> str:
         f"<h1>{heading}</h1><p>{n_done} reconstructed, {len(failed)} not.</p>{failures}"
         f'<h2>Recordings</h2><div class="wide"><table><tr>{head}</tr>{rows}</table></div></html>\n'
     )
+
+
+def _reasons(heading: str, outcomes: Sequence[JobResult]) -> str:
+    """Return a table of recordings with reasons; empty if there are none."""
+    rows = "".join(f"<tr><th>{escape(each.name)}</th><td>{message_html(each.why)}</td></tr>" for each in outcomes)
+    return f"<h2>{heading}</h2><table>{rows}</table>" if rows else ""
 
 
 def _row(each: JobResult) -> str:
@@ -74,7 +91,7 @@ def _outcome(each: JobResult) -> str:
 
     It does not distinguish new results from earlier ones, so that repeated runs write the same files.
     """
-    return each.state if each.state in _NO_RESULT else "reconstructed"
+    return "reconstructed" if each.state in ("done", "kept") else each.state
 
 
 def _format(value: float | None, digits: int, unit: str = "") -> str:

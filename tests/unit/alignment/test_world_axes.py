@@ -13,6 +13,7 @@ from posefuse.alignment.world_axes import find_alignment
 from posefuse.errors import OptionsError
 from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import up_vector
+from posefuse.model.findings import FindingKind
 from posefuse.model.options.alignment import PRESETS, AlignOptions
 from posefuse.model.options.options import Options
 from posefuse.pipeline import reconstruct as recipe
@@ -93,7 +94,7 @@ class TestPipeline:
             warnings.simplefilter("error")
             result = posefuse.reconstruct(rig, walker.detections, Options(align=AlignOptions(height_m=1.75)))
         assert looks == [1]
-        assert not any("scale is wrong" in note for note in result.provenance.notes)
+        assert not any(finding.kind == FindingKind.SCALE for finding in result.findings)
         plain = posefuse.reconstruct(walker.rig, walker.detections, Options(align=AlignOptions(height_m=1.75)))
         np.testing.assert_allclose(
             np.asarray(result.layers["measured"].points_m), np.asarray(plain.layers["measured"].points_m), atol=1e-5

@@ -27,8 +27,8 @@ OTHER_TEXT = {
 """Files whose texts contain flags that are not arguments of posefuse, or that only the command line writes."""
 
 OTHER_ARGUMENTS = {
-    "also", "angle", "calibration", "figure", "format", "input", "jobs", "keypoints", "output", "save", "scheduler",
-    "sync", "timestamps", "videos",
+    "accept_findings", "also", "angle", "calibration", "figure", "format", "input", "jobs", "keypoints", "output",
+    "overwrite", "path", "save", "scheduler", "sync", "timestamps", "videos",
 }  # fmt: skip
 """Arguments of functions and commands that are no options, and that messages may name."""
 

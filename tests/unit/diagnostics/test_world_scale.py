@@ -9,6 +9,7 @@ import posefuse
 from posefuse.diagnostics.world_scale import scale_finding
 from posefuse.errors import PosefuseWarning
 from posefuse.skeleton.skeletons import find_skeleton, parse_skeleton
+from posefuse.skeleton.trees import ADULT_M
 from tests.scenes import ring, simulate_detections
 
 MOUSE = """
@@ -28,8 +29,9 @@ def test_bodies_of_another_size_than_stated_name_the_unit(factor, meters_per_uni
     points = factor * np.tile(SHAPE, (20, 1, 1, 1))
     finding = scale_finding([points], parse_skeleton(MOUSE, "mouse.toml"), meters_per_unit)
     assert finding is not None
-    assert f"bodies measure {0.0831 * factor:.3g} m" in finding
-    assert f"is probably in {unit}: add `length_unit={unit!r}`." in finding
+    assert f"bodies measure {0.0831 * factor:.3g} m" in finding.sentence
+    assert f"is probably in {unit}: add `length_unit={unit!r}`." in finding.remedy
+    assert finding.is_certain
 
 
 @pytest.mark.parametrize("factor", [0.5, 1.0, 3.0])
@@ -53,7 +55,25 @@ def test_people_are_judged_by_their_bones():
         points[:, skeleton.index(b)] = [1000.0 * np.sqrt(low * high), 0.0, 0.0]
     finding = scale_finding([points], skeleton, 1.0)
     assert finding is not None
-    assert "add `length_unit='mm'`" in finding
+    assert "add `length_unit='mm'`" in finding.remedy
+    assert finding.is_certain
+
+
+@pytest.mark.parametrize(("factor", "certain"), [(1.3, False), (10.0, True), (0.05, True)])
+def test_bodies_of_an_unusual_size_are_no_certain_fault(factor, certain):
+    """Children and giants exist; a tree without a size has that of an adult, which a mouse is not."""
+    skeleton = find_skeleton("coco_17")
+    points = np.full((20, 17, 3), np.nan)
+    for a, b, _, high in skeleton.plausible_m:
+        points[:, skeleton.index(a)] = 0.0
+        points[:, skeleton.index(b)] = [factor * high, 0.0, 0.0]
+    finding = scale_finding([points], skeleton, 1.0)
+    assert finding is not None
+    assert finding.is_certain == certain
+    without_size = parse_skeleton(MOUSE.replace("size_m = 0.09", f"size_m = {ADULT_M}"), "mouse.toml")
+    finding = scale_finding([np.tile(SHAPE, (20, 1, 1, 1))], without_size, 1.0)
+    assert finding is not None
+    assert not finding.is_certain
 
 
 @pytest.mark.parametrize("people", ["one", "many"])

@@ -12,7 +12,8 @@ import pytest
 
 from posefuse.errors import FileError, RecordingError
 from posefuse.io.calibration import anipose
-from posefuse.io.files import exclusive_folder, natural_key, replacing_folder
+from posefuse.io.files import natural_key, replacing_folder
+from posefuse.io.folder_locks import exclusive_folder
 from posefuse.io.keypoints import native
 from posefuse.io.recording import InputPaths, choose_calibration, choose_keypoints, find_inputs, find_recording
 from posefuse.model.options.options import Options

@@ -8,6 +8,7 @@ import pytest
 from posefuse.errors import DetectionsError, PosefuseWarning
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
+from posefuse.model.findings import FindingKind
 from posefuse.model.options.alignment import AlignOptions
 from posefuse.model.options.options import Options
 from posefuse.model.options.triangulation import TriangulationOptions
@@ -159,4 +160,5 @@ def test_wrong_scale_is_reported(factor, unit, rng):
     assert len(messages) == 1
     if unit:
         assert f"add `length_unit={unit!r}`" in str(messages[0].message)
-    assert any("scale is wrong" in note for note in result.provenance.notes)
+    (finding,) = (each for each in result.findings if each.kind == FindingKind.SCALE)
+    assert finding.is_certain

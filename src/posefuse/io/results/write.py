@@ -1,6 +1,7 @@
 """Write results in any supported format."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 from posefuse.arguments import checked
 from posefuse.errors import ResultError, choices, suggestion
 from posefuse.io.files import check_texts
+from posefuse.io.outputs import check_new_files, check_new_folder, replacing_together
 from posefuse.io.results import c3d, csv, trc
 from posefuse.io.results.format import ResultFacts, ResultFormat
 from posefuse.io.results.names import safe_names
@@ -40,6 +42,8 @@ def write(
     result: Reconstruction,
     path: str | Path,
     format: str | None = None,  # noqa: A002
+    *,
+    overwrite: bool = False,
 ) -> WrittenResult:
     """Write a result to a file.
 
@@ -52,6 +56,7 @@ def write(
         path: the file, or the folder for freemocap, opensim and openpose; created only once it is complete.
         format: a name that ``posefuse formats`` lists; by default selected by the ending of the path and, if several
             formats share the ending, by a word in the file name (anipose, dlc, movement, points3d).
+        overwrite: whether to replace files, or the content of the folder, of an earlier call.
 
     Returns:
         The written files, and notes on what they do not contain.
@@ -59,30 +64,51 @@ def write(
     Raises:
         ResultError: if there is no such format, or it cannot hold the result.
         FileError: if a name in the result is not valid text, or the file cannot be written.
+        OutputExistsError: if the path exists and ``overwrite`` is False.
     """
     path = Path(path)
     check_texts([*result.person_ids, *result.rig.names, *result.skeleton.keypoints, result.skeleton.name])
     form = _format_of(path, format)
     if not result.has_identities:
         require_stills_format(form)
-    layer, points = result.best_layer(result.options.layer)
-    if form.write_figure is not None or form.write_result is not None:
-        return _write_bodies(result, path, form, layer)
-    # Formats of one layer must not read the others; some also hold the measured layer.
-    layers = {layer: points}
+    layer, _ = result.best_layer(result.options.layer)
+    people = result.person_ids if form.write_person is not None else people_with_frames(result)
+    one_each = form.write_person is not None or form.write_figure is not None
+    files = person_paths(path, people) if one_each else (path,)
+    if form.is_folder:
+        for folder in files:
+            check_new_folder(folder, overwrite=overwrite, target="`path`")
+    else:
+        check_new_files(files, overwrite=overwrite, target="`path`")
+    # A format writes a single file or folder only when it is complete.
+    staged = nullcontext(files) if form.is_folder or len(files) == 1 else replacing_together(files)
+    with staged as targets:
+        if form.write_figure is not None or form.write_result is not None:
+            notes = _write_bodies(result, people, targets, form, layer)
+        else:
+            notes = _write_layer(result, targets, form, layer)
+    if form.write_figure is not None:
+        layer = "model"
+    return WrittenResult(files, None if form.holds_every_layer else layer, notes)
+
+
+def _write_layer(
+    result: Reconstruction, files: Sequence[Path], form: ResultFormat, layer: LayerName
+) -> tuple[str, ...]:
+    """Write formats of one layer, and return notes."""
+    # They must not read the other layers; some also hold the measured layer.
+    layers = {layer: result.layers[layer]}
     if form.holds_measured_layer and "measured" in result.layers:
         layers = {"measured": result.layers["measured"], **layers}
     bare = replace(result, layers=layers, tracks=None, swaps=None, poses=None, events=())
-    files = (path,)
     if form.write_person is not None:
-        files = person_paths(path, result.person_ids)
-        for person, target in zip(result.person_ids, files, strict=True):
-            form.write_person(bare, person, target, layer)
+        for person, file in zip(result.person_ids, files, strict=True):
+            form.write_person(bare, person, file, layer)
     elif form.write_layer is not None:
-        form.write_layer(bare, path, layer)
+        form.write_layer(bare, files[0], layer)
     others = _others(result, layer)
     omissions = (f"{form.name}: the layer {layer}; without {choices(others)}.",) if others else ()
-    return WrittenResult(files, layer, (*omissions, *_lacks(form, result, path)))
+    return (*omissions, *_lacks(form, result, files[0]))
 
 
 def require_stills_format(form: ResultFormat) -> None:
@@ -112,19 +138,17 @@ def _others(result: Reconstruction, layer: LayerName) -> list[str]:
     ]
 
 
-def _write_bodies(result: Reconstruction, path: Path, form: ResultFormat, layer: LayerName) -> WrittenResult:
-    """Write formats that need more than one layer of a result."""
-    people = people_with_frames(result)
-    if form.write_figure is not None:
-        targets = person_paths(path, people)
-        notes = [
-            note for person, target in zip(people, targets, strict=True)
-            for note in form.write_figure(result, person, target)
-        ]  # fmt: skip
-        return WrittenResult(targets, "model", tuple(dict.fromkeys(notes)))
-    assert form.write_result is not None
-    notes = form.write_result(result, people, path, layer)
-    return WrittenResult((path,), None if form.holds_every_layer else layer, tuple(notes))
+def _write_bodies(
+    result: Reconstruction, people: Sequence[str], files: Sequence[Path], form: ResultFormat, layer: LayerName
+) -> tuple[str, ...]:
+    """Write formats that need more than one layer of a result, and return notes."""
+    if form.write_figure is None:
+        assert form.write_result is not None
+        return tuple(form.write_result(result, people, files[0], layer))
+    notes = [
+        note for person, file in zip(people, files, strict=True) for note in form.write_figure(result, person, file)
+    ]
+    return tuple(dict.fromkeys(notes))
 
 
 def _format_of(path: Path, name: str | None) -> ResultFormat:

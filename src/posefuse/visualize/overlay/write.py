@@ -1,12 +1,13 @@
 """Draw a result on videos and write them, with one image in memory at a time."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from posefuse.errors import OptionsError, ResultError
+from posefuse.io.outputs import check_new_files, replacing_together
 from posefuse.io.results.names import safe_names
 from posefuse.io.videos.writer import write_video
 from posefuse.model.detections import Detections
@@ -43,6 +44,8 @@ def write_overlays(
     folder: Path,
     options: OverlayOptions = OverlayOptions(),  # noqa: B008
     detections: Detections | None = None,
+    *,
+    overwrite: bool = False,
     progress: Progress | None = None,
 ) -> tuple[OverlayVideo, ...]:
     """Draw a result's skeletons, projected with lens distortion, on the cameras' videos.
@@ -53,13 +56,15 @@ def write_overlays(
         folder: output folder for ``<camera>_overlay.mp4`` of each camera, or ``overlay.mp4``; created if absent.
         options: options of the overlay.
         detections: detections of the result's skeleton, with views in the order of its cameras, to draw as well.
+        overwrite: whether to replace existing overlay videos.
         progress: receives the progress.
 
     Raises:
         MatchError: if a video or an offset names an unknown camera.
         FileError: if a video cannot be read, or the output cannot be written.
         ResultError: if there is nothing to draw, or the size of a video differs from its camera's.
-        OptionsError: if a video would be overwritten.
+        OptionsError: if a video to be drawn on would be replaced.
+        OutputExistsError: if an overlay video exists and ``overwrite`` is False.
     """
     layer, _ = result.best_layer(options.layer)
     frame_times = FrameTimes.of(result)
@@ -71,12 +76,16 @@ def write_overlays(
     stems = [f"{stem}_overlay" for stem in safe_names([source.camera.name for source in sources])]
     paths = [folder / f"{stem}.mp4" for stem in (["overlay"] if options.grid else stems)]
     _check_targets(paths, videos)
-    if options.grid:
-        return (_draw_mosaic(job, sources, paths[0]),)
-    return tuple(
-        _draw_on_background(job, source, path) if source.reader is None else _draw_on_video(job, source, path)
-        for source, path in zip(sources, paths, strict=True)
-    )
+    check_new_files(paths, overwrite=overwrite)
+    with replacing_together(paths) as temporary:
+        if options.grid:
+            drawn = [_draw_mosaic(job, sources, temporary[0])]
+        else:
+            drawn = [
+                _draw_on_background(job, source, path) if source.reader is None else _draw_on_video(job, source, path)
+                for source, path in zip(sources, temporary, strict=True)
+            ]
+    return tuple(replace(video, path=path) for video, path in zip(drawn, paths, strict=True))
 
 
 def _check_targets(paths: Sequence[Path], videos: Mapping[str, Path]) -> None:

@@ -14,7 +14,7 @@ from tests.scenes import body_points, ring, simulate_detections
 class TestCsv:
     def rows(self, frame_result, tmp_path) -> list[dict[str, str]]:
         path = tmp_path / "keypoints.csv"
-        posefuse.write(frame_result, path)
+        posefuse.write(frame_result, path, overwrite=True)
         return list(csv.DictReader(io.StringIO(path.read_text())))
 
     def test_columns_and_full_precision(self, frame_result, tmp_path):

@@ -14,7 +14,7 @@ class TestDeepLabCut:
         for original, layer, levels in ((layered_result, "solved", 3), (pair_result, "measured", 4)):
             points = np.asarray(original.layers[layer].points_m)
             for name in ("a.h5", "a.csv"):
-                posefuse.write(original, tmp_path / name, "deeplabcut")
+                posefuse.write(original, tmp_path / name, "deeplabcut", overwrite=True)
             h5 = pandas.read_hdf(tmp_path / "a.h5")
             text = pandas.read_csv(tmp_path / "a.csv", header=list(range(levels)), index_col=0)
             names = ["scorer", "individuals", "bodyparts", "coords"]

@@ -61,7 +61,7 @@ class TestFreeMoCap:
         second.parent.mkdir(parents=True)
         second.write_bytes(b"theirs")
         with pytest.raises(FileError, match="already contains other files"):
-            posefuse.write(layered_result, tmp_path / "recording", "freemocap")
+            posefuse.write(layered_result, tmp_path / "recording", "freemocap", overwrite=True)
         assert second.read_bytes() == b"theirs"
 
     def test_single_camera_result_is_refused(self, tmp_path):

@@ -76,7 +76,7 @@ def test_names_of_internal_datasets_are_valid(people, tmp_path):
         original = replace(
             people, person_ids=tuple(names), skeleton=replace(people.skeleton, keypoints=keypoints, edges=())
         )
-        posefuse.write(original, tmp_path / "x.nwb")
+        posefuse.write(original, tmp_path / "x.nwb", overwrite=True)
         points = posefuse.read_points(tmp_path / "x.nwb")
         assert (points.person_ids, points.keypoints) == (tuple(names), keypoints)
         np.testing.assert_array_equal(points.covariance_m2, original.layers["measured"].covariance_m2)

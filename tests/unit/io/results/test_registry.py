@@ -1,5 +1,6 @@
 """Result formats of other programs."""
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 import posefuse
-from posefuse.errors import PosefuseError, ResultError
+from posefuse.errors import FileError, OutputExistsError, PosefuseError, ResultError
 from posefuse.io.results import trc
 from posefuse.io.results.registry import RESULTS
 from posefuse.io.results.write import additional_names
@@ -65,6 +66,31 @@ def test_same_result_gives_the_same_bytes(kind, pair_result, tmp_path):
     assert files
     for file in files:
         assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes(), file
+
+
+@pytest.mark.parametrize("kind", FILES)
+def test_existing_files_are_replaced_only_on_request_and_only_together(kind, pair_result, tmp_path, monkeypatch):
+    form, name = FILES[kind]
+
+    def content() -> dict[Path, bytes]:
+        return {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
+
+    posefuse.write(pair_result, tmp_path / name, form)
+    before = content()
+    with pytest.raises(OutputExistsError, match="give `overwrite=True` to replace it, or choose another `path`"):
+        posefuse.write(pair_result, tmp_path / name, form)
+    assert content() == before
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "replace", disk_is_full)
+        with pytest.raises((FileError, OSError)):
+            posefuse.write(pair_result, tmp_path / name, form, overwrite=True)
+    assert content() == before
+    posefuse.write(pair_result, tmp_path / name, form, overwrite=True)
+    assert content().keys() == before.keys()
+
+
+def disk_is_full(*_: object) -> None:
+    raise OSError(28, "No space left on device")
 
 
 def test_points_are_tried_in_a_fixed_order_of_formats():
