@@ -91,11 +91,12 @@ def _up_of(file: Path) -> UpAxis | None:
 
 
 def _skeleton_of(names: tuple[str, ...], title: str, skeleton: Skeleton | None) -> Skeleton:
-    """Return a skeleton with these keypoints under their canonical names, and the edges of the one that has them."""
+    """Return a skeleton with these keypoints under canonical names, with the edges of the skeleton that knows most."""
     shipped = sorted((shipped_skeleton(name) for name in shipped_skeletons()), key=len)
-    candidates = [skeleton] if skeleton is not None else shipped
-    found = next((each for each in candidates if all(each.canonical(name) for name in names)), None) or skeleton
-    if found is None:
+    candidates = shipped if skeleton is None else [skeleton, *shipped]
+    # The first of those that know most names.
+    found = max(candidates, key=lambda each: sum(each.canonical(name) is not None for name in names))
+    if not any(found.canonical(name) for name in names):
         return Skeleton(title, names)
     renamed: list[str] = []
     for name in names:

@@ -89,6 +89,27 @@ def test_truth_is_drawn_at_the_frames_of_the_result(scene, result, tmp_path):
     np.testing.assert_allclose(drawn, expected)
 
 
+def test_two_files_of_another_program_are_compared_by_canonical_names(tmp_path):
+    names = ("RHip", "RKnee", "LHip", "LKnee", "Nose", "C7")
+    time_s, moving = np.arange(10) / 10, np.random.default_rng(0).normal(size=(10, 6, 3))
+    for stem, offset_m in (("a", 0.0), ("b", 0.01)):
+        rows = [[f"{i + 1}", f"{time_s[i]}", *map(str, (moving[i] + [offset_m, 0, 0]).ravel())] for i in range(10)]
+        head = [
+            "PathFileType\t4\t(X/Y/Z)\tx.trc",
+            "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits",
+            "10\t10\t10\t6\tm",
+            "\t".join(["Frame#", "Time", *("\t\t".join([name, ""])[:-1] for name in names)]),
+            "",
+        ]
+        (tmp_path / f"{stem}.trc").write_text("\n".join([*head, *("\t".join(row) for row in rows)]) + "\n")
+    opened = read_comparable(tmp_path / "a.trc").content
+    assert {"right_hip", "nose", "C7"} <= set(opened.skeleton.keypoints)
+    found = evaluate_files(opened, tmp_path / "b.trc")
+    assert isinstance(found, Accuracy)
+    assert found.n_points == 60
+    assert found.mpjpe_mm == pytest.approx(10.0)
+
+
 def test_unknown_units_and_files_are_errors(scene, result, tmp_path):
     file = posefuse.write(scene.truth, tmp_path / "x_anipose.csv").files[0]
     with pytest.raises(ResultError, match="does not state its unit of length. Set `length_unit` to one of: m, cm, mm"):
