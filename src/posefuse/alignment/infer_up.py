@@ -100,7 +100,7 @@ def describe_up(up: InferredUp | None, reason: str) -> str:
     if up.axis is None:
         return (
             f"Up is inferred from people: {reason}. It is {where}, too far from an axis, so exports are not rotated. "
-            "Options such as `align.floor='feet'` level the world."
+            "`align.floor='feet'`, or another option of align such as `align.preset='opensim'`, levels the world."
         )
     return (
         f"Up is inferred from people as {up.axis}: {reason}. It is {where}. Set it with `up`, or level the world with "
