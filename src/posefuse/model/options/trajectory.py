@@ -39,7 +39,7 @@ class TrajectoryOptions:
 
     prior: SmoothnessPrior = "jerk"
     density: float | None = option(None, above=0.0, unit="m^2/s^5 or m^2/s^3", example="1000.0")
-    density_window_s: float = option(0.1, at_least=0.0)
+    density_window_s: float = option(0.1, at_least=0.0, at_most=60.0)
     density_prior_s: float = option(0.005, above=0.0)
     bones: bool = True
     min_bone_variation: float = option(0.003, at_least=0.0)
