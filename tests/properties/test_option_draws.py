@@ -111,6 +111,7 @@ def test_default_options_give_the_people_of_the_recording(people):
         ({"align.height_m": 1e9}, "rejected"),
         ({"trajectory.iterations": 10**9, "solve": "trajectory"}, "rejected"),
         ({"pair_search.sds.agents": 10**9}, "rejected"),
+        ({"postprocess.smooth": ("hampel",), "postprocess.hampel.window_s": 1e30}, "rejected"),
         ({"trajectory.density_window_s": 1e9, "solve": "trajectory"}, "rejected"),
         ({"cameras": ("cam_0", "cam_1", "cam_0")}, "rejected"),
         ({"person": ("person_1", "person_1")}, "rejected"),

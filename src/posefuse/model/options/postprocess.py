@@ -19,7 +19,7 @@ class HampelOptions:
         sigma: Distance from the window's median, in robust standard deviations, beyond which a coordinate is replaced.
     """
 
-    window_s: float = option(0.25, above=0.0)
+    window_s: float = option(0.25, above=0.0, at_most=10.0)
     sigma: float = option(3.0, above=0.0, unit="standard deviations")
 
     def __post_init__(self) -> None:
@@ -34,7 +34,7 @@ class MedianOptions:
         window_s: Length of the running median's window around a point.
     """
 
-    window_s: float = option(0.1, above=0.0)
+    window_s: float = option(0.1, above=0.0, at_most=10.0)
 
     def __post_init__(self) -> None:
         check_fields(self, "postprocess.median")
@@ -70,7 +70,7 @@ class SavgolOptions:
         degree: Degree of the Savitzky-Golay filter's polynomial.
     """
 
-    window_s: float = option(0.2, above=0.0)
+    window_s: float = option(0.2, above=0.0, at_most=10.0)
     degree: int = option(3, at_least=0, at_most=8)
 
     def __post_init__(self) -> None:
