@@ -88,9 +88,12 @@ PROGRAMS = (
 def cases(frames: int) -> Iterator[Case]:
     """Yield the recordings: simulated ones of 33 keypoints with 2 px noise, and a real one where it is present."""
 
-    def ring(name: str, cameras: int, share: float, missing: float = 0.0, **given: int) -> Case:
+    def ring(
+        name: str, cameras: int, share: float, missing: float = 0.0, px: tuple[float, float] = (50.0, 400.0),
+        **given: int,
+    ) -> Case:  # fmt: skip
         data = walk(
-            frames, rig=freemocap_ring(cameras), outlier_share=share, outlier_px=(50.0, 400.0), missing_share=missing,
+            frames, rig=freemocap_ring(cameras), outlier_share=share, outlier_px=px, missing_share=missing,
             skeleton="mediapipe_33",
         )  # fmt: skip
         return simulated(name, data, **given)
@@ -98,6 +101,7 @@ def cases(frames: int) -> Iterator[Case]:
     yield ring("4 cameras, clean", 4, 0.0)
     yield ring("5 cameras, 5 % outliers", 5, 0.05)
     yield ring("5 cameras, 5 %, 10 % missing", 5, 0.05, 0.1)
+    yield ring("5 cameras, 5 % of 300-1500 px", 5, 0.05, px=(300.0, 1500.0))
     yield ring("6 cameras, 10 %, drop 2 min. 2", 6, 0.1, drop=2, min_cameras=2)
     yield simulated(
         "5 cameras, 5 %, k1 = -0.28", walk(frames, 5, "barrel", outlier_share=0.05, skeleton="mediapipe_33")

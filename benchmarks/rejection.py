@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.speed import median_cpu_s, run_peer
-from benchmarks.walking import SIGMA_PX, Walk, walk, with_one_wrong_view, with_swapped_sides
+from benchmarks.walking import RATE_HZ, SIGMA_PX, Walk, walk, with_one_wrong_view, with_swapped_sides
 from posefuse.io.calibration import anipose
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import Options
@@ -203,6 +203,23 @@ def sizes(frames: int) -> None:
         )
 
 
+def jumps(frames: int) -> None:
+    """Print second differences of the points over time, and how often ``weighted_subsets`` keeps a wrong view."""
+    data = walk(frames, outlier_share=0.05)
+    print(f"\n5 cameras, 5 %, {frames} frames at {RATE_HZ:.0f} Hz: second differences, m/s^2")
+    print(f"{'':20}{'median':>8}{'99 %':>8}")
+    for method in ("simple", "weighted_subsets", "percentile_filter", "consensus"):
+        points = measured(data, options_of(method)).points_m[:, 0]
+        jump = RATE_HZ**2 * np.linalg.norm(np.diff(points, 2, axis=0), axis=-1)
+        print(f"{method:20}{np.nanmedian(jump):8.0f}{np.nanpercentile(jump, 99):8.0f}", flush=True)
+    data = walk(min(frames, 100), rig=build_rig("ring", 5, focal_px=1100.0))
+    print("\nOne wrong view of five at every point, f 1100 px, weighted_subsets: points that keep all views, %")
+    for size in (20, 30, 40):
+        layer = measured(with_one_wrong_view(data, size), options_of("weighted_subsets"))
+        kept = (layer.view_status != ViewStatus.OUTLIER).all(axis=-1)
+        print(f"{size:6} px{100 * kept.mean():8.1f}", flush=True)
+
+
 PEERS: tuple[tuple[str, str, tuple[str, ...], int], ...] = (
     ("FreeMoCap 1.8.2, rejection", "freemocap", ("--mode", "rejection"), 300),
     ("FreeMoCap 1.8.2, simple", "freemocap", ("--mode", "simple"), 1000),
@@ -276,6 +293,7 @@ PARTS: dict[str, Callable[[int], None]] = {
     "sets": sets,
     "table": lambda frames: table(frames * 26 // 33 + 1),
     "sizes": lambda frames: sizes(min(frames, 1000)),
+    "jumps": lambda frames: jumps(min(frames, 400)),
     "rates": lambda frames: rates(min(frames, 3000)),
     "peers": compare_programs,
 }

@@ -4,6 +4,8 @@ Source: Hartley and Zisserman 2004, section 12.2, homogeneous method. The rows o
 FreeMoCap's program. The solution depends on the unit of length, which is that of the calibration file.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from posefuse.model.cameras import CameraRig
@@ -59,6 +61,25 @@ def undistorted_errors_px(rig: CameraRig, coordinates: np.ndarray, points_m: np.
     with np.errstate(divide="ignore", invalid="ignore"):
         offset = camera[..., :2] / camera[..., 2:] - coordinates
     return focal_lengths_px(rig) * np.linalg.norm(offset, axis=-1)
+
+
+def image_errors_px(rig: CameraRig, pixels: np.ndarray, points_m: np.ndarray) -> np.ndarray:
+    """Return reprojection errors of points (point, 3) from pixels (point, view, 2), also behind a camera.
+
+    A point behind a camera is projected through its center, as OpenCV does.
+
+    Returns:
+        Shape (point, view); without distortion where the lens has no pixel, NaN where there is no detection.
+    """
+    errors_px = undistorted_errors_px(rig, undistort(rig, pixels), points_m)
+    for v, camera in enumerate(rig.cameras):
+        local = points_m @ camera.rotation.T + camera.translation_m
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ahead = local / local[:, 2:]
+        distorted, _ = replace(camera, camera_from_world=np.eye(4)).project(ahead)
+        error_px = np.linalg.norm(distorted - pixels[:, v], axis=-1)
+        errors_px[:, v] = np.where(np.isfinite(error_px), error_px, errors_px[:, v])
+    return errors_px
 
 
 def focal_lengths_px(rig: CameraRig) -> np.ndarray:

@@ -15,7 +15,7 @@ from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
 from posefuse.model.status import PointStatus
-from posefuse.triangulation.linear_points import linear_points, undistort, undistorted_errors_px
+from posefuse.triangulation.linear_points import image_errors_px, linear_points, undistort, undistorted_errors_px
 
 
 @dataclass(frozen=True)
@@ -118,6 +118,10 @@ class Observations:
             return solved.points_m, solved.view_error_px
         points = linear_points(self.rig, self.coordinates, used)
         return points, undistorted_errors_px(self.rig, self.coordinates, points)
+
+    def linear_errors_px(self, used: np.ndarray) -> np.ndarray:
+        """Return reprojection errors (point, view) of linear points from the selected views, also behind a camera."""
+        return image_errors_px(self.rig, self.pixels, linear_points(self.rig, self.coordinates, used))
 
     @cached_property
     def coordinates(self) -> np.ndarray:

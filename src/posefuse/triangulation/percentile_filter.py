@@ -20,7 +20,7 @@ from posefuse.triangulation import simple
 from posefuse.triangulation.exact_percentile import exact_percentile
 from posefuse.triangulation.method import DebugFigure, Method, Pieces
 from posefuse.triangulation.observations import Observations
-from posefuse.triangulation.results import FlatLayer, rows_by_person_frame
+from posefuse.triangulation.results import FlatLayer, mean_over, rows_by_person_frame
 
 
 def runs(rig: CameraRig, options: TriangulationOptions) -> bool:
@@ -51,8 +51,9 @@ def prepare(
 
     def errors_px() -> Iterator[np.ndarray]:
         for detections, tracks in pieces():
-            layer = simple.solve(rig, detections, tracks, noise, options)
-            yield point_errors_px(layer) if program else view_errors_px(layer)
+            flat = FlatLayer.of(simple.solve(rig, detections, tracks, noise, options))
+            used, errors = used_views(flat, rig, detections, tracks, noise, options)
+            yield mean_over(used, errors)[used.any(axis=-1)] if program else errors[used]
 
     threshold = exact_percentile(errors_px, chosen.percentile, weibull=program)
     if threshold is None:
@@ -61,15 +62,24 @@ def prepare(
     return replace(options, percentile_filter=replace(chosen, threshold_px=threshold)), (note,)
 
 
-def view_errors_px(layer: Layer) -> np.ndarray:
-    """Return the reprojection errors of all used views."""
-    return np.asarray(layer.view_error_px)[np.asarray(layer.view_status) == ViewStatus.USED]
+def used_views(
+    flat: FlatLayer, rig: CameraRig, detections: Detections, tracks: Tracks, noise: NoiseModel,
+    options: TriangulationOptions,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Return the views that are triangulated first, and their reprojection errors in px, both (point, view).
 
-
-def point_errors_px(layer: Layer) -> np.ndarray:
-    """Return the mean reprojection errors of all points, whose percentile FreeMoCap's program takes."""
-    errors_px = np.asarray(layer.reprojection_error_px)
-    return errors_px[np.isfinite(errors_px)]
+    With the rules of FreeMoCap's program, they include those of linear points behind a camera.
+    """
+    assert options.min_views is not None
+    if not options.follows_program:
+        return flat.view_status == ViewStatus.USED, flat.view_error_px
+    used, errors_px = flat.valid_views(), np.full(flat.view_error_px.shape, np.nan)
+    used[used.sum(axis=-1) < options.min_views] = False
+    chosen = np.flatnonzero(used.any(axis=-1))
+    rows = rows_by_person_frame(tracks, detections)
+    observations = Observations.gather(rig, detections, rows, noise, chosen, linear=True)
+    errors_px[chosen] = observations.linear_errors_px(used[chosen])
+    return used, errors_px
 
 
 def solve(
@@ -86,11 +96,11 @@ def solve(
     if threshold is None or not runs(rig, options):
         return layer
     flat = FlatLayer.of(layer)
-    used = flat.view_status == ViewStatus.USED
-    exceeding = np.flatnonzero((used & (flat.view_error_px > threshold)).any(axis=-1))
+    used, errors_px = used_views(flat, rig, detections, tracks, noise, options)
+    exceeding = np.flatnonzero((used & (errors_px > threshold)).any(axis=-1))
     rows, linear = rows_by_person_frame(tracks, detections), options.follows_program
     observations = Observations.gather(rig, detections, rows, noise, exceeding, linear=linear)
-    remaining, errors = used[exceeding].copy(), np.where(used[exceeding], flat.view_error_px[exceeding], np.nan)
+    remaining, errors = used[exceeding].copy(), np.where(used[exceeding], errors_px[exceeding], np.nan)
     pending = np.arange(len(exceeding))
     while True:
         pending = pending[remaining[pending].sum(axis=-1) > left]
@@ -99,7 +109,8 @@ def solve(
         worst = np.nanargmax(np.where(remaining[pending], errors[pending], -np.inf), axis=-1)
         remaining[pending, worst] = False
         solved = observations[pending].solve(remaining[pending])
-        errors[pending] = np.where(remaining[pending], solved.view_error_px, np.nan)
+        errors_px = observations[pending].linear_errors_px(remaining[pending]) if linear else solved.view_error_px
+        errors[pending] = np.where(remaining[pending], errors_px, np.nan)
         high = (np.where(remaining[pending], errors[pending], -np.inf) > threshold).any(axis=-1)
         done = pending[~high]
         all_errors = observations[done].errors_px(solved.points_m[~high])

@@ -16,7 +16,7 @@ from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.triangulation import RansacOptions, TriangulationOptions
 from posefuse.model.reconstruction import Layer
-from posefuse.model.status import PointStatus, ViewStatus
+from posefuse.model.status import PointStatus
 from posefuse.model.tracks import Tracks
 from posefuse.triangulation import simple
 from posefuse.triangulation.method import Method
@@ -33,7 +33,7 @@ def solve(
     """
     assert options.min_views is not None
     flat = FlatLayer.of(simple.solve(rig, detections, tracks, noise, options))
-    valid = np.isin(flat.view_status, (ViewStatus.USED, ViewStatus.NOT_USED))
+    valid = flat.valid_views()
     chosen = np.flatnonzero(valid.sum(axis=-1) >= options.min_views)
     observations = Observations.gather(rig, detections, rows_by_person_frame(tracks, detections), noise, chosen)
     inliers = find_inliers(observations, valid[chosen], options.ransac)

@@ -100,6 +100,10 @@ class FlatLayer:
             view_error_px=flat(layer.view_error_px),
         )
 
+    def valid_views(self) -> np.ndarray:
+        """Return the views with a valid detection, shape (point, view), bool, also of points that were not solved."""
+        return np.isin(self.view_status, (ViewStatus.USED, ViewStatus.NOT_USED))
+
     def replace(
         self,
         chosen: np.ndarray,

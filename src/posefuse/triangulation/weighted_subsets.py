@@ -15,7 +15,7 @@ from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.triangulation import TriangulationOptions, WeightedSubsetsOptions
 from posefuse.model.reconstruction import Layer
-from posefuse.model.status import PointStatus, ViewStatus
+from posefuse.model.status import PointStatus
 from posefuse.model.tracks import Tracks
 from posefuse.triangulation import simple
 from posefuse.triangulation.linear_points import focal_lengths_px
@@ -55,19 +55,22 @@ def solve(
     layer = simple.solve(rig, detections, tracks, noise, options)
     chosen, program = options.weighted_subsets, options.follows_program
     flat = FlatLayer.of(layer)
-    used = flat.view_status == ViewStatus.USED
+    # A point that all views together do not determine may be determined by fewer.
+    used = flat.valid_views()
     target, units_px = chosen.target_normalized or chosen.target_px, error_units_px(rig, chosen)
     gather = partial(Observations.gather, rig, detections, rows_by_person_frame(tracks, detections), noise)
     tested = np.flatnonzero(used.sum(axis=-1) > options.min_views)
-    all_views_px = flat.view_error_px[tested]
+    first_m, all_views_px = flat.points_m[tested], flat.view_error_px[tested]
     if program:
-        _, all_views_px = gather(tested, linear=True).subset(used[tested])
+        first_m, all_views_px = gather(tested, linear=True).subset(used[tested])
     initial = mean_over(used[tested], all_views_px / units_px)
-    exceeding, initial = tested[initial > target], initial[initial > target]
+    initial = np.where(np.isfinite(initial), initial, np.inf)
+    high = initial > target
+    exceeding, initial, first_m = tested[high], initial[high], first_m[high]
     if not len(exceeding):
         return layer
     observations = gather(exceeding, linear=program)
-    first = (flat.points_m[exceeding], initial) if program else None
+    first = (np.nan_to_num(first_m), initial) if program else None
     points, weights = weighted_mean(observations, used[exceeding], units_px, options.min_views, chosen, first)
     errors_px = observations.errors_px(points)
     better = weights.best < (initial if program else target)

@@ -2,11 +2,12 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from benchmarks.walking import walk
 
-from posefuse.triangulation.linear_points import linear_points, undistort, undistorted_errors_px
+from posefuse.triangulation.linear_points import image_errors_px, linear_points, undistort, undistorted_errors_px
 from tests.reference import rejection
 
 
@@ -58,3 +59,16 @@ def test_errors_of_a_pinhole_are_those_of_the_image():
     expected = np.linalg.norm(data.rig.project(points) - pixels, axis=-1)
     errors_px = undistorted_errors_px(data.rig, undistort(data.rig, pixels), points)
     np.testing.assert_allclose(errors_px, expected, rtol=1e-6)
+
+
+def test_errors_equal_those_of_opencv_also_behind_a_camera(data):
+    pixels = per_point(data)[:40]
+    outside = np.random.default_rng(1).uniform(-0.3, 0.3, (20, 3)) + 2 * data.rig.cameras[0].center_m
+    points = np.concatenate([data.points_m.reshape(-1, 3)[:20], outside])
+    errors_px = image_errors_px(data.rig, pixels, points)
+    camera = data.rig.cameras[0]
+    assert ((points @ camera.rotation.T + camera.translation_m)[20:, 2] < 0).all()
+    turn, _ = cv2.Rodrigues(camera.rotation)
+    expected, _ = cv2.projectPoints(points, turn, camera.translation_m, camera.matrix, np.array(camera.distortion))
+    distance = np.linalg.norm(expected[:, 0] - pixels[:, 0], axis=-1)
+    np.testing.assert_allclose(errors_px[:, 0], distance, rtol=1e-6)

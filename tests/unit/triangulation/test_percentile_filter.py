@@ -45,6 +45,17 @@ def test_rules_of_the_program_match_the_naive_reference():
     np.testing.assert_allclose(layer.points_m[:, 0].reshape(-1, 3), expected, atol=1e-6)
 
 
+def test_program_keeps_points_that_all_views_place_behind_a_camera():
+    data = walk(200, 5, outlier_share=0.05, outlier_px=(300.0, 1500.0))
+    simple, layer = (
+        triangulate_walk(data, method, freemocap_rules="program", min_confidence=0.0, min_views=2)
+        for method in ("simple", "percentile_filter")
+    )
+    missing = ~simple.has_point
+    assert missing.sum() > 100
+    assert layer.has_point[missing].mean() > 0.2
+
+
 def test_threshold_is_a_percentile_over_the_whole_recording(ugly):
     result = triangulate(
         ugly.rig, ugly.detections, Options(triangulation=TriangulationOptions(method="percentile_filter"))

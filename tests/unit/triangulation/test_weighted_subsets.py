@@ -49,6 +49,18 @@ def test_rules_of_the_program_match_the_naive_reference(max_drop, min_views, tar
     np.testing.assert_allclose(layer.points_m[:, 0], expected, atol=1e-6)
 
 
+@pytest.mark.parametrize("rules", ["documentation", "program"])
+def test_points_that_all_views_do_not_determine_are_found_from_fewer(rules):
+    data = walk(200, 4, outlier_share=0.1, outlier_px=(300.0, 1500.0))
+    simple, layer = (
+        triangulate_walk(data, method, freemocap_rules=rules, min_confidence=0.0)
+        for method in ("simple", "weighted_subsets")
+    )
+    missing = ~simple.has_point
+    assert missing.sum() > 10
+    assert layer.has_point[missing].mean() > 0.8
+
+
 def test_normalized_units():
     data = walk(40, outlier_share=0.1)
     in_px = WeightedSubsetsOptions(target_px=12.0)
