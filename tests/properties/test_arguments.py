@@ -64,7 +64,6 @@ def world(tmp_path_factory) -> SimpleNamespace:
     native.write(scene.detections, folder / "keypoints.nc")
     result = scene.truth
     posefuse.write(result, folder / "reconstruction.nc")
-    (folder / "points.csv").write_bytes(b"")
     posefuse.write(result, folder / "points.csv")
     (folder / "edits.toml").write_text('[[edit]]\ndo = "drop"\nperson = "person_1"\n')
     (folder / "options.toml").write_text("start_s = 0.1\n")
