@@ -50,7 +50,7 @@ class ButterworthOptions:
     """
 
     order: int = option(4, at_least=2, at_most=16)
-    cutoff_hz: float = option(6.0, above=0.0, common=True)
+    cutoff_hz: float = option(6.0, at_least=0.01, common=True)
 
     def __post_init__(self) -> None:
         check_fields(self, "postprocess.butterworth")
@@ -106,7 +106,7 @@ class KalmanOptions:
     """
 
     acceleration: float = option(20.0, above=0.0, unit="m^2/s^3")
-    error_memory_s: float = option(0.06, at_least=0.0)
+    error_memory_s: float = option(0.06, at_least=0.0, at_most=60.0)
 
     def __post_init__(self) -> None:
         check_fields(self, "postprocess.kalman")
