@@ -57,7 +57,7 @@ class TestTrc:
         np.testing.assert_allclose(np.diff(actual.time_s), 1 / 60, atol=2e-6)
 
     def test_frame_rate_must_be_known_and_constant(self, frame_result, tmp_path):
-        with pytest.raises(ResultError, match=r"needs a frame rate.*detections.with_rate\(60\)"):
+        with pytest.raises(ResultError, match=r"needs a frame rate.*`rate_hz`"):
             posefuse.write(replace(frame_result, rate_hz=None, time_s=np.full(9, np.nan)), tmp_path / "person.trc")
         uneven = frame_result.time_s + np.array([0, 0, 0.01, 0, 0, 0, 0, 0, 0])
         with pytest.raises(ResultError, match="evenly spaced"):
