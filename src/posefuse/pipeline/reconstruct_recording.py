@@ -148,6 +148,7 @@ def reconstruct_recording(
         files, remarks = write_other_formats(staging, also)
         outcome = replace(outcome, files=(*outcome.files, *files), remarks=(*outcome.remarks, *remarks))
         if not outcome.partial:
+            outcome = replace(outcome, files=(*outcome.files, MARK))
             result = netcdf.read_reconstruction(staging / RESULT)
             keys = _unchanged_keys(request, result, output)
             remembered = execution.remember(result)
