@@ -135,12 +135,12 @@ def healthy(
     n = cameras or int(rng.integers(4, 9))
     lens: LensKind = ("pinhole", "pinhole", "barrel")[int(rng.integers(3))]
     rig = build_rig("ring", n, lens, radius_m=5.0)
-    placed = tuple(_placed(camera, rng) for camera in rig.cameras)
+    moved = tuple(placed(camera, rng) for camera in rig.cameras)
     others: tuple[Activity, ...] = ("turn", "reach", "sit", "walk", "stand")
     doing = tuple(activities or ("walk", "walk", others[int(rng.integers(len(others)))]))
     rate = rate_hz or float(rng.choice([25.0, 30.0, 50.0, 60.0]))
     names = ("halpe_26", "coco_17", "body_25b")
-    rig = replace(rig, cameras=placed)
+    rig = replace(rig, cameras=moved)
     frames = round(duration_s * rate)
     return Scene(
         rig=rig,
@@ -156,7 +156,7 @@ def healthy(
     )
 
 
-def _placed(camera: Camera, rng: np.random.Generator) -> Camera:
+def placed(camera: Camera, rng: np.random.Generator) -> Camera:
     """Return a camera at another place on the same side of the room, with another focal length."""
     center = camera.center_m * np.array([*[rng.uniform(0.8, 1.15)] * 2, 1.0]) + rng.uniform(-0.4, 0.4, 3)
     target = np.array([0.0, 0.0, 0.9]) + rng.uniform(-0.2, 0.2, 3)
@@ -365,7 +365,7 @@ def _another(scene: Scene, views: tuple[int, ...], size: float, rng: np.random.G
     other = build_rig("corners", len(scene.rig), "pinhole", radius_m=4.0)
     cameras = tuple(
         replace(camera, name=name)
-        for camera, name in zip((_placed(camera, rng) for camera in other.cameras), scene.rig.names, strict=True)
+        for camera, name in zip((placed(camera, rng) for camera in other.cameras), scene.rig.names, strict=True)
     )
     return replace(scene, given=replace(scene.given, cameras=cameras))
 

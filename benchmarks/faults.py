@@ -36,7 +36,7 @@ NAMED_AS: dict[Fault, tuple[FindingKind, ...]] = {
     "order": (FindingKind.CAMERA_ORDER,),
     "copied pose": (FindingKind.COPIED_POSE,),
     "late": (FindingKind.TIME_OFFSET,),
-    "drift": (FindingKind.CLOCK_DRIFT,),
+    "drift": (FindingKind.CLOCK_DRIFT, FindingKind.FRAME_RATE),
     "dropped": (FindingKind.DROPPED_FRAMES,),
     "repeated": (FindingKind.REPEATED_FRAMES,),
     "sides": (FindingKind.LEFT_RIGHT_SWAP,),

@@ -60,10 +60,12 @@ TESTED_ELSEWHERE = {
         "diagnostics/fine_search.py",
         "diagnostics/hypotheses.py",
         "diagnostics/image_orientation.py",
+        "diagnostics/joint_recording.py",
         "diagnostics/left_right_swaps.py",
         "diagnostics/lenses.py",
         "diagnostics/observations.py",
         "diagnostics/sample_points.py",
+        "diagnostics/verdict.py",
         "diagnostics/view_overlap.py",
     ),
     "unit/diagnostics/test_start_offsets.py": (

@@ -5,9 +5,11 @@ from typing import Literal
 
 from posefuse.arguments import checked
 from posefuse.model.cameras import CameraRig
+from posefuse.model.findings import POSE_FINDINGS, Finding
 from posefuse.model.options.refinement import Refine
 
 Role = Literal["refined", "fixed", "located", "left out"]
+_MIN_GAIN_Z = 3.0
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,8 @@ class Refinement:
         n_held_out: number of frames held out for validation.
         before_px: median error of all detections of the remaining cameras in the held-out frames, before.
         after_px: the same, after.
+        gain_z: mean decrease of the held-out errors over periods of time, in units of its standard deviation.
+        findings: what is wrong with the recording by the recording check; None if it was not examined.
     """
 
     before: CameraRig
@@ -72,6 +76,21 @@ class Refinement:
     n_held_out: int
     before_px: float
     after_px: float
+    gain_z: float = float("nan")
+    findings: tuple[Finding, ...] | None = None
+
+    @property
+    def is_better(self) -> bool:
+        """Return whether to use the refined calibration.
+
+        Errors of held-out frames have the same systematic part as those of the others, so a decrease alone is no proof:
+        the recording check must find the calibration wrong, too. Without its result, and for cameras whose poses were
+        not used, the decrease decides.
+        """
+        lower = self.after_px < self.before_px and not self.gain_z < _MIN_GAIN_Z
+        if self.findings is None or any(camera.role != "refined" for camera in self.cameras if camera.role != "fixed"):
+            return lower
+        return self.after_px < self.before_px and any(finding.kind in POSE_FINDINGS for finding in self.findings)
 
     def __getitem__(self, name: str) -> CameraOutcome:
         return self.cameras[self.before.index(name)]

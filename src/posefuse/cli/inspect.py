@@ -92,16 +92,19 @@ def _given(path: Path, *, calibration: bool) -> RecognizedInput:
 
 def _examine(rig: CameraRig, detections: Detections, options: Options) -> tuple[Finding, ...]:
     """Print and return the findings of the recording check, the most severe first."""
+    from posefuse.cli.verdict import say_verdict
     from posefuse.pipeline.diagnose import inspect_health
 
     found = inspect_health(rig, detections, options, progress=Bars())
     if not found:
         say("recording check: no faults found")
+        say_verdict(found)
         return found
     say(f"recording check: {count(len(found), 'finding')}, the most severe first")
     for number, finding in enumerate(found, 1):
         say(f"{number}. {finding.kind}: {finding.sentence}")
         say(f"   {100 * finding.certainty:.0f} % certain. {finding.remedy}")
+    say_verdict(found)
     return found
 
 

@@ -52,6 +52,7 @@ def refine_calibration(
 
     The input calibration is not changed. Cameras that cannot be refined are left out by name.
     """
+    from posefuse.cli.verdict import say_verdict
     from posefuse.io.open_recording import RecordingInputs
     from posefuse.pipeline.refine_recording import refine_recording
 
@@ -62,7 +63,16 @@ def refine_calibration(
     )
     describe(result)
     note(f"Wrote {output} {form}")
-    say(f"Use it: posefuse reconstruct RECORDING --calibration {output}")
+    if result.findings is not None:
+        say_verdict(result.findings)
+    if result.is_better:
+        say(f"Use it: posefuse reconstruct RECORDING --calibration {output}")
+        return
+    say(
+        "Keep the original calibration: the recording does not show that the refined one is better. Systematic errors "
+        "of the detector lower the held-out error as well. To determine the poses better, film a person who walks "
+        "through the whole volume."
+    )
 
 
 def describe(result: Refinement) -> None:

@@ -4,12 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from posefuse.calibration.joint.evidence import POSE_KINDS as JUDGED_KINDS
 from posefuse.diagnostics.copied_poses import copies_of
 from posefuse.diagnostics.examination import Examination
 from posefuse.diagnostics.findings import certainty_of
 from posefuse.diagnostics.fine_result import AcceptedFault
 from posefuse.diagnostics.hypotheses import Hypothesis
 from posefuse.diagnostics.recording_model import Parameter
+from posefuse.diagnostics.verdict import Verdict, rival_text
 from posefuse.model.cameras import vector_from_rotation
 from posefuse.model.findings import Finding, FindingKind
 
@@ -38,11 +40,25 @@ def find(examination: Examination) -> tuple[Finding, ...]:
     moved = {c.view: c.score for c in examination.coarse.corrections if c.kind == "pose"}
     zoomed = {c.view for c in examination.coarse.corrections if c.kind == "focal"}
     faults = [f for f in examination.fine.accepted if is_pose(f) and not _belongs_to_focal(f, zoomed)]
-    views = sorted(({fault.hypothesis.view for fault in faults} | set(moved)) - set(copies_of(examination)))
+    faults = [f for f in faults if f.hypothesis.since_block is not None or _is_confirmed(examination, f)]
+    views = {fault.hypothesis.view for fault in faults} | set(moved) | _judged_views(examination, zoomed)
     return tuple(
         _finding(examination, v, [fault for fault in faults if fault.hypothesis.view == v], moved.get(v, 0.0))
-        for v in views
+        for v in sorted(views - set(copies_of(examination)))
     )
+
+
+def _judged_views(examination: Examination, zoomed: set[int]) -> set[int]:
+    """Return the views whose pose the joint estimate finds wrong."""
+    choices = () if examination.verdict is None else examination.verdict.choices
+    return {choice.explanation.view for choice in choices if choice.explanation.kind in JUDGED_KINDS} - zoomed
+
+
+def _is_confirmed(examination: Examination, fault: AcceptedFault) -> bool:
+    """Return whether the joint estimate confirms a pose error; it does not judge the lens."""
+    if examination.verdict is None or fault.hypothesis.kind in ("focal", "distortion"):
+        return True
+    return bool(examination.verdict.of(fault.hypothesis.view, JUDGED_KINDS))
 
 
 def _belongs_to_focal(fault: AcceptedFault, zoomed: set[int]) -> bool:
@@ -66,9 +82,16 @@ def _finding(examination: Examination, view: int, faults: list[AcceptedFault], c
     names = observations.rig.names
     rotation_deg, shift_m = pose_difference(examination, view, len(fine.final.model.frames) - 1)
     first = None if coarse_score else _first_frame(examination, faults)
+    choices = () if examination.verdict is None else examination.verdict.of(view, JUDGED_KINDS)
     score = coarse_score + sum(fault.evaluation.score for fault in faults)
+    if not score:
+        score = 2.0 * sum(choice.gain for choice in choices)
     competitors = [c.score for f in faults for c in f.competitors if not _is_equivalent(view, c.hypothesis, faults)]
-    difference = _describe(faults, rotation_deg, shift_m, bool(coarse_score))
+    sds = _pose_sds(faults)
+    if choices and first is None and not coarse_score:
+        assert examination.verdict is not None
+        rotation_deg, shift_m, sds = _judged_difference(examination.verdict, view)
+    difference = _describe(faults, rotation_deg, shift_m, sds, bool(coarse_score))
     start = "" if first is None else f" from frame {first} on"
     camera = f"Camera {names[view]!r}"
     if len(names) == 2:
@@ -91,9 +114,16 @@ def _finding(examination: Examination, view: int, faults: list[AcceptedFault], c
         sd=difference.sd,
         certainty=certainty_of(score if not coarse_score else 100.0, competitors),
         gain=0.5 * score,
-        sentence=f"{camera} differs from its calibrated pose{start}: {difference.text}.",
+        sentence=f"{camera} differs from its calibrated pose{start}: {difference.text}."
+        + "".join(dict.fromkeys(rival_text(examination.verdict, choice) for choice in choices if examination.verdict)),
         remedy=remedy,
     )
+
+
+def _judged_difference(verdict: Verdict, view: int) -> tuple[float, np.ndarray, np.ndarray]:
+    """Return rotation in degrees, shift along the camera's axes in m, and the standard deviations of both."""
+    change, turn = verdict.change[view], verdict.estimate.parameters.rotation[view]
+    return float(np.degrees(np.linalg.norm(change[:3]))), turn @ change[3:6], verdict.sd[view, :6]
 
 
 def _is_equivalent(view: int, hypothesis: Hypothesis, faults: list[AcceptedFault]) -> bool:
@@ -139,9 +169,11 @@ class _Difference:
     sd: float
 
 
-def _describe(faults: list[AcceptedFault], rotation_deg: float, shift_m: np.ndarray, is_gross: bool) -> _Difference:
+def _describe(
+    faults: list[AcceptedFault], rotation_deg: float, shift_m: np.ndarray, sds: np.ndarray, is_gross: bool
+) -> _Difference:
     """Describe a pose error in words, with its size and standard deviation."""
-    kinds, sds = {fault.hypothesis.kind for fault in faults}, _pose_sds(faults)
+    kinds = {fault.hypothesis.kind for fault in faults}
     lateral, axial = float(np.linalg.norm(shift_m[:2])), float(shift_m[2])
     rotation_sd = float(np.degrees(np.sqrt(np.nanmean(sds[:3] ** 2)))) if np.isfinite(sds[:3]).any() else np.nan
     if kinds == {"distortion"} and not is_gross:
@@ -158,14 +190,14 @@ def _describe(faults: list[AcceptedFault], rotation_deg: float, shift_m: np.ndar
             "share of the distance to the people (the data do not distinguish these)"
         )
         return _Difference(text, 100.0 * focal, "%", np.nan)
-    if kinds <= {"axial"} and not is_gross:
+    if kinds == {"axial"} and not is_gross:
         sd = float(100.0 * sds[5])
         text = (
             f"it is shifted by {100 * axial:+.1f} +- {sd:.1f} cm along its optical axis, or its focal length is wrong "
             "by the same share (the data do not distinguish these)"
         )
         return _Difference(text, 100.0 * axial, "cm", sd)
-    if kinds <= {"lateral"} and not is_gross:
+    if kinds == {"lateral"} and not is_gross:
         sd = float(100.0 * np.sqrt(np.nanmean(sds[3:5] ** 2)))
         text = (
             f"it is shifted by {100 * lateral:.1f} +- {sd:.1f} cm across its optical axis, or slightly rotated (from "

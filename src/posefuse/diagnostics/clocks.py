@@ -1,153 +1,107 @@
-"""Find views with a time offset, a clock drift or dropped frames."""
-
-from dataclasses import dataclass
+"""Report views with a time offset, a clock drift, a wrong frame rate or dropped frames."""
 
 import numpy as np
 
-from posefuse.diagnostics.coarse_search import CoarseResult
+from posefuse.calibration.joint.evidence import CLOCK_KINDS, Choice
 from posefuse.diagnostics.examination import Examination
 from posefuse.diagnostics.findings import certainty_of
-from posefuse.diagnostics.fine_result import AcceptedFault, FineResult
-from posefuse.diagnostics.hypotheses import CLOCK_KINDS, Unknown, solve_unknowns
-from posefuse.diagnostics.recording_model import Parameter
-from posefuse.diagnostics.start_offsets import medoid
+from posefuse.diagnostics.fine_result import AcceptedFault
+from posefuse.diagnostics.verdict import Verdict, rival_text
 from posefuse.model.findings import Finding, FindingKind
 
 _MIN_DROPPED_FRAMES = 0.5
-_SIGNIFICANT_Z = 3.0
 _TWO = 2
 _REMEDY = "Measure the time offsets with `posefuse.measure_sync`, and correct them with `sync`."
 
 
 def find(examination: Examination) -> tuple[Finding, ...]:
-    """Return a finding for each view whose clock differs significantly from the medoid clock."""
-    if examination.coarse is None or examination.fine is None:
+    """Return a finding for each view with dropped frames or with a clock that the joint estimate finds wrong."""
+    verdict = examination.verdict
+    if verdict is None:
         return ()
-    fine = examination.fine
-    views = [v for v in range(examination.observations.n_views) if fine.final.system.n_checked[v]]
-    offset_s = fine.final.model.offset_s
-    if not offset_s.any():
-        return ()
-    if len(views) > _TWO:
-        offset_s = offset_s - medoid(offset_s.mean(axis=0)[views])
     findings = []
-    for v in views:
-        faults = [f for f in fine.accepted if f.hypothesis.kind in CLOCK_KINDS and f.hypothesis.view == v]
-        sd_s = float(faults[-1].sds[-1]) if faults else _offset_sd_s(fine, v)
-        changes = any(fault.hypothesis.kind != "offset" for fault in faults)
-        if changes or abs(offset_s[:, v].mean()) > _SIGNIFICANT_Z * sd_s:
-            findings.append(_finding(examination, v, offset_s[:, v], sd_s, faults))
+    for view in range(examination.observations.n_views):
+        dropped = _dropped(examination, view)
+        choices = verdict.of(view, CLOCK_KINDS)
+        if dropped is not None:
+            findings.append(_dropped_frames(examination, verdict, view, dropped))
+        elif choices:
+            findings.append(_clock(examination, verdict, view, choices))
     return tuple(findings)
 
 
-def _coarse_score(coarse: CoarseResult, view: int) -> float:
-    """Return the score of the coarse offsets of a view or of all views."""
-    return sum(c.score for c in coarse.corrections if c.kind == "offset" and c.view in (view, -1))
+def _dropped(examination: Examination, view: int) -> AcceptedFault | None:
+    """Return the accepted fault of dropped frames of a view, or None; only whole frames are dropped."""
+    assert examination.fine is not None
+    min_jump_s = _MIN_DROPPED_FRAMES * examination.observations.period_s
+    faults = [f for f in examination.fine.accepted if f.hypothesis.view == view and f.hypothesis.kind == "dropped"]
+    return next((fault for fault in faults if abs(fault.values[-1]) > min_jump_s), None)
 
 
-def _offset_sd_s(fine: FineResult, view: int) -> float:
-    """Return the standard deviation of the offset of a view without an accepted clock fault."""
-    system = fine.final.system
-    unknown = Unknown(view, Parameter.OFFSET, np.ones(len(system.time_s)))
-    return float(np.sqrt(solve_unknowns(system, [unknown])[1][0, 0] * fine.design_effect))
+def _offset_frames(examination: Examination, verdict: Verdict, view: int) -> np.ndarray:
+    """Return the time offset of a view at the samples, shape (sample,), in frames."""
+    assert examination.fine is not None
+    time_s = examination.observations.frame_time_s[examination.fine.final.model.frames]
+    linear = verdict.change[view, 6] + verdict.change[view, 7] * (time_s - verdict.estimate.middle_s)
+    return (linear + verdict.steps_s[:, view]) / examination.observations.period_s
 
 
-@dataclass(frozen=True, eq=False)
-class _ViewClock:
-    """Hold what a finding about one clock needs.
-
-    Attributes:
-        examination: of the recording.
-        view: index of the view.
-        cameras: names of the affected cameras.
-        label: subject of the sentence.
-        offset: shape (sample,): time offset in frames.
-        sd: standard deviation of the offset in frames.
-        certainty: of the finding.
-        gain: of the finding.
-    """
-
-    examination: Examination
-    view: int
-    cameras: tuple[str, ...]
-    label: str
-    offset: np.ndarray
-    sd: float
-    certainty: float
-    gain: float
+def _cameras(examination: Examination, view: int) -> tuple[tuple[str, ...], str]:
+    """Return the names of the affected cameras and the subject of the sentence."""
+    names = examination.observations.rig.names
+    if len(names) == _TWO:
+        return names, f"View {names[view]!r} (relative to {names[1 - view]!r})"
+    return (names[view],), f"View {names[view]!r}"
 
 
-def _finding(
-    examination: Examination, view: int, offset_s: np.ndarray, sd_s: float, faults: list[AcceptedFault]
-) -> Finding:
-    observations = examination.observations
-    assert examination.coarse is not None
-    names = observations.rig.names
-    two = len(names) == _TWO
-    offset, sd = offset_s / observations.period_s, sd_s / observations.period_s
-    coarse_score = _coarse_score(examination.coarse, view)
-    score = coarse_score + sum(fault.evaluation.score for fault in faults)
-    if score == 0.0:
-        # The corrections of the other views leave this one unsynchronized.
-        score = float(offset.mean() / sd) ** 2
-    competitors = [c.score for f in faults for c in f.competitors if c.hypothesis.view != view]
-    clock = _ViewClock(
-        examination,
-        view,
-        names if two else (names[view],),
-        f"View {names[view]!r}" if not two else f"View {names[view]!r} (relative to {names[1 - view]!r})",
-        offset,
-        sd,
-        certainty_of(score if not coarse_score else 100.0, [] if two else competitors),
-        0.5 * score,
-    )
-    # Only whole frames are dropped.
-    min_jump_s = _MIN_DROPPED_FRAMES * observations.period_s
-    jumps = [f for f in faults if f.hypothesis.since_block is not None and abs(f.values[-1]) > min_jump_s]
-    if jumps:
-        return _dropped_frames(clock, jumps[0])
-    drifts = [fault for fault in faults if fault.hypothesis.kind == "drift"]
-    return _drift(clock, drifts) if drifts else _offset(clock)
+def _clock(examination: Examination, verdict: Verdict, view: int, choices: tuple[Choice, ...]) -> Finding:
+    period_s = examination.observations.period_s
+    cameras, label = _cameras(examination, view)
+    offset, sd = _offset_frames(examination, verdict, view), verdict.sd[view, 6] / period_s
+    kinds = {choice.explanation.kind: choice for choice in choices}
+    gain = sum(choice.gain for choice in choices)
+    rivals = [2.0 * choice.gain for choice in choices for _ in choice.rivals]
+    certainty = certainty_of(max(100.0 if not rivals else 0.0, 2.0 * gain), rivals)
+    if "rate" in kinds:
+        error = kinds["rate"].explanation.rate_error
+        rate = 1.0 / period_s
+        size, unit, sd, kind = 1e6 * error, "ppm", float(1e6 * verdict.estimate.sd[view, 7]), FindingKind.FRAME_RATE
+        sentence = f"{label} has a wrong frame rate: about {rate / (1.0 + error):.4g} instead of {rate:.4g} Hz."
+    elif "drift" in kinds:
+        size, unit, kind = float(1e6 * verdict.change[view, 7]), "ppm", FindingKind.CLOCK_DRIFT
+        sd = float(1e6 * verdict.sd[view, 7])
+        sentence = (
+            f"{label} has a clock drift of {size:+.0f} +- {sd:.0f} ppm: its time offset changes from "
+            f"{offset[0]:+.1f} to {offset[-1]:+.1f} frames."
+        )
+    else:
+        size, unit, kind = float(offset.mean()), "frames", FindingKind.TIME_OFFSET
+        order = "later" if size > 0 else "earlier"
+        sentence = (
+            f"{label} has a time offset of {size:+.2f} +- {sd:.2f} frames: its frames were captured {order} than "
+            "their timestamps indicate."
+        )
+    sentence += "".join(dict.fromkeys(rival_text(verdict, choice) for choice in choices))
+    return Finding(kind, cameras, None, size, unit, float(sd), certainty, gain, sentence, _REMEDY)
 
 
-def _drift(clock: _ViewClock, faults: list[AcceptedFault]) -> Finding:
-    ppm, sd = 1e6 * float(sum(f.values[-1] for f in faults)), 1e6 * float(faults[0].sds[-1])
-    sentence = (
-        f"{clock.label} has a clock drift of {ppm:+.0f} +- {sd:.0f} ppm: its time offset changes from "
-        f"{clock.offset[0]:+.1f} to {clock.offset[-1]:+.1f} frames."
-    )
-    kind = FindingKind.CLOCK_DRIFT
-    return Finding(kind, clock.cameras, None, ppm, "ppm", sd, clock.certainty, clock.gain, sentence, _REMEDY)
-
-
-def _offset(clock: _ViewClock) -> Finding:
-    size, sd = float(clock.offset.mean()), clock.sd
-    order = "later" if size > 0 else "earlier"
-    sentence = (
-        f"{clock.label} has a time offset of {size:+.2f} +- {sd:.2f} frames: its frames were captured {order} than "
-        "their timestamps indicate."
-    )
-    kind = FindingKind.TIME_OFFSET
-    return Finding(kind, clock.cameras, None, size, "frames", sd, clock.certainty, clock.gain, sentence, _REMEDY)
-
-
-def _dropped_frames(clock: _ViewClock, fault: AcceptedFault) -> Finding:
-    observations, fine, offset = clock.examination.observations, clock.examination.fine, clock.offset
+def _dropped_frames(examination: Examination, verdict: Verdict, view: int, fault: AcceptedFault) -> Finding:
+    observations, fine = examination.observations, examination.fine
     assert fine is not None
+    cameras, label = _cameras(examination, view)
+    offset = _offset_frames(examination, verdict, view)
     sample = int(np.argmax(fine.final.system.block_index >= fault.hypothesis.since_block))
     # Convert to the frame numbers of the view itself.
     timestamp_s = observations.frame_time_s[fine.final.model.frames[sample]] - offset[sample] * observations.period_s
-    place = int(np.searchsorted(observations.time_s[:, clock.view], timestamp_s))
+    place = int(np.searchsorted(observations.time_s[:, view], timestamp_s))
     frame = int(observations.frame_numbers[min(place, len(observations.frame_numbers) - 1)])
-    jump = float(fault.values[-1]) / observations.period_s
-    what = "dropped" if jump > 0 else "has"
-    extra = "" if jump > 0 else " extra"
+    jump, sd = (float(value) / observations.period_s for value in (fault.values[-1], fault.sds[-1]))
+    what, extra = ("dropped", "") if jump > 0 else ("has", " extra")
     offsets = f"its time offset is {offset[-1]:+.1f} frames from then on"
     if abs(offset[0]) > _MIN_DROPPED_FRAMES:
         offsets = f"its time offset changes from {offset[0]:+.1f} to {offset[-1]:+.1f} frames"
-    sentence = (
-        f"{clock.label} {what} {abs(jump):.1f} +- {clock.sd:.1f}{extra} frames at about frame {frame}; {offsets}."
-    )
+    sentence = f"{label} {what} {abs(jump):.1f} +- {sd:.1f}{extra} frames at about frame {frame}; {offsets}."
     span = (frame, int(observations.frame_numbers[-1]))
-    kind, sd = FindingKind.DROPPED_FRAMES, clock.sd
-    return Finding(kind, clock.cameras, span, jump, "frames", sd, clock.certainty, clock.gain, sentence, _REMEDY)
+    score = fault.evaluation.score
+    certainty, kind = certainty_of(score, []), FindingKind.DROPPED_FRAMES
+    return Finding(kind, cameras, span, jump, "frames", sd, certainty, 0.5 * score, sentence, _REMEDY)

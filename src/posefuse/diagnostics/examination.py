@@ -8,6 +8,7 @@ from posefuse.diagnostics.coarse_search import CoarseResult
 from posefuse.diagnostics.fine_result import FineResult
 from posefuse.diagnostics.observations import TrackedObservations
 from posefuse.diagnostics.sample_points import SamplePoints
+from posefuse.diagnostics.verdict import Verdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +22,7 @@ class Examination:
         fine: small faults, or None if the views do not agree well enough.
         swap_shares: shape (view,): share of the time in which each view swaps left and right.
         points: triangulated samples with all faults corrected, or None.
+        verdict: joint estimate of poses and clocks and what is wrong with them, or None.
     """
 
     observations: TrackedObservations
@@ -29,3 +31,4 @@ class Examination:
     fine: FineResult | None
     swap_shares: np.ndarray
     points: SamplePoints | None
+    verdict: Verdict | None = None

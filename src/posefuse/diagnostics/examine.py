@@ -14,6 +14,7 @@ from posefuse.diagnostics.normalized_views import normalize_views
 from posefuse.diagnostics.observations import TrackedObservations, sample_frames
 from posefuse.diagnostics.recording_model import RecordingModel
 from posefuse.diagnostics.sample_points import triangulate_samples
+from posefuse.diagnostics.verdict import judge
 
 _COARSE_SPACING_S, _MAX_COARSE_SAMPLES, _MAX_COARSE_COLUMNS = 0.1, 100, 13
 _FREQUENT_SWAPS = 0.05
@@ -49,7 +50,6 @@ def examine(
     observations: TrackedObservations,
     effort: Effort = DEEP,
     groups: Sequence[str] = ("pose", "lens", "clock"),
-    non_clock_factor: float = 1.0,
 ) -> Examination:
     """Search for the faults of a recording.
 
@@ -57,8 +57,6 @@ def examine(
         observations: of the recording.
         effort: how closely to look.
         groups: which small faults to consider: ``pose``, ``lens``, ``clock``.
-        non_clock_factor: multiple of the threshold required of faults that do not concern clocks; above 1 if only
-            clocks are of interest.
     """
     frames = _samples(observations, effort.min_spacing_s, effort.max_samples)
     if observations.n_views < 2 or len(frames) < _MIN_SAMPLES or not len(observations.keypoint_index):
@@ -73,10 +71,11 @@ def examine(
     shares, _ = _detect_swaps(observations, coarse.model)
     if (shares > _FREQUENT_SWAPS).any():
         shares, corrected = _without_swaps(observations, model)
-    fine = fine_search.search(corrected, model, groups, _block_s(observations), non_clock_factor, effort.max_faults)
+    fine = fine_search.search(corrected, model, groups, _block_s(observations), effort.max_faults)
     if _most_cameras_relocated(coarse, fine, observations.n_views):
         return Examination(observations, observations, replace(coarse, views_agree=False), None, shares, None)
-    return Examination(corrected, observations, coarse, fine, shares, fine.final.points)
+    verdict = judge(corrected, coarse, fine, effort.max_samples)
+    return Examination(corrected, observations, coarse, fine, shares, fine.final.points, verdict)
 
 
 def _most_cameras_relocated(coarse: CoarseResult, fine: FineResult, views: int) -> bool:

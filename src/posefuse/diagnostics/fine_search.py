@@ -51,7 +51,6 @@ def search(
     model: RecordingModel,
     groups: Sequence[str],
     block_s: float,
-    non_clock_factor: float = 1.0,
     max_faults: int | None = None,
 ) -> FineResult:
     """Find small faults of single views.
@@ -61,13 +60,11 @@ def search(
         model: hypothesis to start from, correct except for small faults; sets the sampled frames.
         groups: which faults to consider: ``pose``, ``lens``, ``clock``.
         block_s: length of the blocks of time that count as independent, in seconds.
-        non_clock_factor: multiple of the threshold required of hypotheses that do not concern clocks. If above 1, at
-            most half as many of them as there are views are accepted.
         max_faults: largest number of faults to find; by default twice the number of views.
     """
     runs = observations.runs[model.frames]
     blocks = time_blocks(observations.frame_time_s[model.frames], runs, block_s)
-    searcher = _Search(observations, blocks, non_clock_factor=non_clock_factor)
+    searcher = _Search(observations, blocks)
     initial = current = searcher.linearize_at(model)
     searcher = replace(searcher, scale=initial.points.noise_scale)
     faults: list[AcceptedFault] = []
@@ -81,8 +78,6 @@ def search(
         if faults:
             accepted = tuple(unknown for item in faults for unknown in item.hypothesis.unknowns)
             evaluations = _evaluate_all(current.system, accepted, groups, effect, observations.n_views)
-        if non_clock_factor > 1.0 and sum(not _is_clock(item) for item in faults) >= observations.n_views // 2:
-            evaluations = [evaluation for evaluation in evaluations if evaluation.hypothesis.kind in CLOCK_KINDS]
         chosen = searcher.accept_best(current, faults, evaluations)
         if chosen is None:
             complete = True
@@ -116,7 +111,6 @@ class _Search:
     observations: TrackedObservations
     blocks: np.ndarray
     scale: float | None = None
-    non_clock_factor: float = 1.0
 
     def linearize_at(self, model: RecordingModel, before: SamplePoints | None = None) -> Linearization:
         """Return the linearization at a model, starting from the points of a similar model if given."""
@@ -198,11 +192,7 @@ class _Search:
         self, current: Linearization, faults: list[AcceptedFault], evaluations: list[Evaluation]
     ) -> tuple[list[AcceptedFault], Linearization] | None:
         """Accept the best hypothesis and refit all; return None if no hypothesis gains enough."""
-        significant = [
-            v
-            for v in evaluations
-            if v.score > THRESHOLD * (1.0 if v.hypothesis.kind in CLOCK_KINDS else self.non_clock_factor)
-        ]
+        significant = [evaluation for evaluation in evaluations if evaluation.score > THRESHOLD]
         if not significant:
             return None
         best, (accepted, linearization) = self.best_fit(current, faults, _candidates(significant))

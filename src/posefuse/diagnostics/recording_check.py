@@ -15,8 +15,6 @@ from posefuse.model.subjects import Subjects
 from posefuse.model.tracks import Tracks
 
 _MAX_EXAMINED_S, _PIECES = 180.0, 9
-_SIGNIFICANT_Z = 3.0
-_NON_CLOCK_FACTOR = 2.0
 
 
 def collect_observations(rig: CameraRig, detections: Detections, subjects: Subjects) -> TrackedObservations:
@@ -54,26 +52,20 @@ def measure_timing(
     Returns:
         The examination, and the timing of each view or None if the views do not agree well enough.
     """
-    examination = examine(collect_observations(rig, detections, subjects), effort, non_clock_factor=_NON_CLOCK_FACTOR)
+    examination = examine(collect_observations(rig, detections, subjects), effort)
     return examination, time_views(examination, None if reference is None else rig.index(reference))
 
 
 def sync_options(timings: tuple[ViewTiming, ...]) -> SyncOptions:
-    """Return options that correct the views whose clocks differ significantly; other views are left out."""
+    """Return options that correct the views whose clocks are wrong; other views are left out."""
     rows = [
         (view.camera, *row)
         for view in timings
-        if _is_unsynchronized(view)
+        if view.is_wrong
         for row in zip(view.start_s, view.offset_s, view.drift_ppm, strict=True)
     ]
     columns = tuple(zip(*rows, strict=True)) if rows else ((), (), (), ())
     return SyncOptions(*columns)
-
-
-def _is_unsynchronized(view: ViewTiming) -> bool:
-    """Return whether a view's clock differs significantly from the reference."""
-    offset = max(abs(value) for value in view.offset_s) > _SIGNIFICANT_Z * view.offset_sd_s
-    return offset or len(view.offset_s) > 1 or any(view.drift_ppm)
 
 
 def _spans(detections: Detections) -> list[tuple[int, int]]:

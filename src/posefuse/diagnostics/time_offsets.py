@@ -1,29 +1,20 @@
-"""Measure the time offsets and clock drifts of all views jointly, after correcting all other faults."""
+"""Present the time offsets and clock drifts of all views by the joint estimate of poses and clocks."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from posefuse.diagnostics.clock_model import clock_offset_s
+from posefuse.calibration.joint.evidence import CLOCK_KINDS
 from posefuse.diagnostics.examination import Examination
-from posefuse.diagnostics.hypotheses import Hypothesis, Unknown, design_effect_of, solve_unknowns, typical_design_effect
-from posefuse.diagnostics.linear_system import LinearSystem, linearize
-from posefuse.diagnostics.normalized_views import normalize_views
-from posefuse.diagnostics.recording_model import Parameter, RecordingModel
-from posefuse.diagnostics.sample_points import triangulate_samples
 from posefuse.diagnostics.start_offsets import medoid
 
-_MAX_STEPS = 6
 _MIN_SHARED_SAMPLES = 15
 """Samples at which two views must see the same point for their clocks to be compared."""
 _MIN_DROPPED_FRAMES = 0.5
-_CONVERGED_S = 1e-5
-_EQUAL_Z = 3.0
-_DRIFT_Z = 2.6
-"""Standard deviations required of a drift: one false drift in a hundred clocks; most drifts of 300 ppm exceed it in a
-minute of walking.
-"""
+_EQUAL_Z, _SIGNIFICANT_Z = 3.0, 3.0
+_MAX_OFFSET_SD_S = 0.1
+"""Above this standard deviation, the recording does not determine a time offset: the people hardly move."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +28,7 @@ class ViewTiming:
         drift_ppm: of each row: rate of change of the offset, in parts per million.
         offset_sd_s: standard deviation of the offset, in the middle of the recording.
         drift_sd_ppm: standard deviation of the drift, whether or not a drift was found.
+        is_wrong: whether the verdict is that this clock is wrong.
     """
 
     camera: str
@@ -45,6 +37,12 @@ class ViewTiming:
     drift_ppm: tuple[float, ...]
     offset_sd_s: float
     drift_sd_ppm: float
+    is_wrong: bool = False
+
+    @property
+    def is_observable(self) -> bool:
+        """Return whether the recording determines the time offset."""
+        return self.offset_sd_s <= _MAX_OFFSET_SD_S
 
 
 def time_views(examination: Examination, reference: int | None = None) -> tuple[ViewTiming, ...] | None:
@@ -54,59 +52,44 @@ def time_views(examination: Examination, reference: int | None = None) -> tuple[
         examination: of the recording.
         reference: index of the view with the reference clock; by default the clock that most views share.
     """
-    if examination.fine is None:
+    if examination.fine is None or examination.verdict is None:
         return None
-    fine, observations = examination.fine, examination.observations
-    clock_unknowns = _ClockUnknowns(_connected_views(fine.final.points.weight > 0, reference), reference)
-    if len(clock_unknowns.views) < 2:
+    views = _connected_views(examination.fine.final.points.weight > 0, reference)
+    if len(views) < 2:
         return None
-    typical = typical_design_effect(fine.final.system, observations.n_views, ((Parameter.OFFSET,),))
-    effects = {v: _offset_design_effect(fine.final.system, v, typical) for v in clock_unknowns.views}
-    # Fit offsets first: while several views are unsynchronized, one view's offset resembles another's drift.
-    model, blocks = fine.final.model, fine.final.system.block_index
-    for fault in fine.accepted:
-        if fault.hypothesis.kind == "drift":
-            offset_s = clock_offset_s(fault.hypothesis, fault.values)[blocks]
-            model = model.with_offset(fault.hypothesis.view, offset_s.mean() - offset_s)
-    model, system = _fit_jointly(examination, model, fine.final.system, set(), clock_unknowns)
-    drifting = _drifting_views(system, clock_unknowns, effects)
-    if drifting:
-        model, system = _fit_jointly(examination, model, system, drifting, clock_unknowns)
-    every = clock_unknowns.unknowns(system, set(clock_unknowns.views))
-    inverse = solve_unknowns(system, every)[1]
-    if reference is None:
-        inverse = _centered_covariance(inverse, len(clock_unknowns.views))
-        sds = np.sqrt([inverse[k, k] * effects[v] for k, v in enumerate(clock_unknowns.views)])
-        offset_s = model.offset_s - _common_offset(model.offset_s.mean(axis=0)[clock_unknowns.views], sds)
+    verdict = examination.verdict
+    clocks, covariance = verdict.clocks()
+    n = len(clocks)
+    wrong = np.array([bool(verdict.of(v, CLOCK_KINDS)) or bool(_dropped_samples(examination, v)) for v in range(n)])
+    relative = np.eye(n)
+    if reference is not None:
+        relative[:, reference] -= 1.0
+        sds = _sds(relative, covariance[:n, :n])
+        offset_s, drift = relative @ clocks[:, 0], relative @ clocks[:, 1]
+        wrong = wrong.any() & (wrong | (np.abs(offset_s) > _SIGNIFICANT_Z * sds))
+        wrong[reference] = False
     else:
-        offset_s = model.offset_s - model.offset_s[:, reference][:, None]
-    time_s = observations.frame_time_s[model.frames]
+        relative[:, views] -= 1.0 / len(views)
+        sds = _sds(relative, covariance[:n, :n])
+        right = [v for v in views if not wrong[v]]
+        common_s = clocks[right, 0].mean() if right else _common_offset(clocks[views, 0], sds[views])
+        offset_s, drift = clocks[:, 0] - common_s, clocks[:, 1]
+    drift_sds = np.maximum(_sds(relative, covariance[n:, n:]), verdict.estimate.sd[:, 7])
     return tuple(
-        _view_timing(examination, v, offset_s[:, v], time_s, every, inverse, effects[v]) for v in clock_unknowns.views
+        ViewTiming(
+            examination.observations.rig.names[v],
+            *_rows(examination, v, float(offset_s[v]), float(drift[v])),
+            offset_sd_s=float(sds[v]),
+            drift_sd_ppm=1e6 * float(drift_sds[v]),
+            is_wrong=bool(wrong[v]),
+        )
+        for v in views
     )
 
 
-@dataclass(frozen=True)
-class _ClockUnknowns:
-    """Select the clock parameters to estimate.
-
-    Attributes:
-        views: views whose clocks can be compared.
-        reference: index of the view with the reference clock, or None.
-    """
-
-    views: list[int]
-    reference: int | None
-
-    def unknowns(self, system: LinearSystem, drifting: set[int]) -> list[Unknown]:
-        """Return the offsets of all views and the drifts of some."""
-        always = np.ones(len(system.time_s))
-        middle = system.time_s - system.time_s.mean()
-        free = [v for v in self.views if v != self.reference]
-        return [
-            *(Unknown(v, Parameter.OFFSET, always) for v in free),
-            *(Unknown(v, Parameter.OFFSET, middle) for v in free if v in drifting),
-        ]
+def _sds(combination: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Return the standard deviations of linear combinations."""
+    return np.sqrt(np.maximum(np.diag(combination @ covariance @ combination.T), 0.0))
 
 
 def _connected_views(seen: np.ndarray, reference: int | None) -> list[int]:
@@ -122,64 +105,6 @@ def _connected_views(seen: np.ndarray, reference: int | None) -> list[int]:
     return np.flatnonzero(group == chosen).tolist()
 
 
-def _fit_jointly(
-    examination: Examination,
-    model: RecordingModel,
-    system: LinearSystem,
-    drifting: set[int],
-    clock_unknowns: _ClockUnknowns,
-) -> tuple[RecordingModel, LinearSystem]:
-    """Fit the offsets of all views and the drifts of some together until they converge."""
-    observations, fine = examination.observations, examination.fine
-    assert fine is not None
-    previous = fine.final.points
-    points = triangulate_samples(
-        observations, model, normalize_views(observations, model), previous.noise_scale, previous.points_m
-    )
-    system = linearize(observations, model, points, system.block_index)
-    for _ in range(_MAX_STEPS):
-        unknowns = clock_unknowns.unknowns(system, drifting)
-        values = solve_unknowns(system, unknowns)[0]
-        if clock_unknowns.reference is None:
-            # The common offset of all clocks is unobservable: keep it unchanged.
-            values[: len(clock_unknowns.views)] -= values[: len(clock_unknowns.views)].mean()
-        model = _shifted(model, unknowns, values, system)
-        points = triangulate_samples(
-            observations, model, normalize_views(observations, model), previous.noise_scale, previous.points_m
-        )
-        system = linearize(observations, model, points, system.block_index)
-        if np.abs(values).max(initial=0.0) < _CONVERGED_S:
-            break
-    return model, system
-
-
-def _drifting_views(system: LinearSystem, clock_unknowns: _ClockUnknowns, effects: dict[int, float]) -> set[int]:
-    """Return the views with significant drift, selected stepwise, the most significant first.
-
-    A drift is measured against all other views, which is more certain than against the reference alone. If the
-    reference itself drifts, all others drift against it.
-    """
-    drifting: set[int] = set()
-    every = _ClockUnknowns(clock_unknowns.views, None)
-    while len(drifting) < len(clock_unknowns.views) - 1:
-        z_scores = {v: _drift_z(system, every, drifting, v, effects[v]) for v in sorted(set(every.views) - drifting)}
-        view = max(z_scores, key=lambda v: z_scores[v])
-        if z_scores[view] <= _DRIFT_Z:
-            break
-        drifting.add(view)
-    return set(clock_unknowns.views) - {clock_unknowns.reference} if clock_unknowns.reference in drifting else drifting
-
-
-def _drift_z(
-    system: LinearSystem, clock_unknowns: _ClockUnknowns, drifting: set[int], view: int, effect: float
-) -> float:
-    """Return the drift of one more view in standard deviations."""
-    unknowns = clock_unknowns.unknowns(system, drifting | {view})
-    values, inverse, _ = solve_unknowns(system, unknowns)
-    place = len(clock_unknowns.views) + sorted(drifting | {view}).index(view)
-    return float(abs(values[place]) / np.sqrt(max(inverse[place, place], 1e-300) * effect))
-
-
 def _common_offset(offset_s: np.ndarray, sds: np.ndarray) -> float:
     """Return the offset that most views share: the medoid, averaged with the offsets that do not differ from it."""
     away = np.abs(offset_s - medoid(offset_s))
@@ -187,56 +112,27 @@ def _common_offset(offset_s: np.ndarray, sds: np.ndarray) -> float:
     return float(np.average(offset_s[near], weights=sds[near] ** -2.0))
 
 
-def _centered_covariance(covariance: np.ndarray, views: int) -> np.ndarray:
-    """Return the covariance of offsets and drifts about their means; their common value is unobservable."""
-    centering = np.eye(views) - 1.0 / views
-    projection = np.zeros((2 * views, 2 * views))
-    projection[:views, :views] = projection[views:, views:] = centering
-    return projection @ covariance @ projection
-
-
-def _shifted(
-    model: RecordingModel, unknowns: list[Unknown], values: np.ndarray, system: LinearSystem
-) -> RecordingModel:
-    """Apply the values of clock unknowns to a model."""
-    for unknown, value in zip(unknowns, values, strict=True):
-        model = model.with_offset(unknown.view, value * unknown.profile[system.block_index])
-    return model
-
-
-def _offset_design_effect(system: LinearSystem, view: int, typical: float) -> float:
-    """Return the design effect of a view's time offset."""
-    one = Unknown(view, Parameter.OFFSET, np.ones(len(system.time_s)))
-    values = solve_unknowns(system, [one])[0]
-    return design_effect_of(system, Hypothesis("offset", view, (one,)), values, typical)
-
-
-def _view_timing(
-    examination: Examination,
-    view: int,
-    offsets_s: np.ndarray,
-    time_s: np.ndarray,
-    unknowns: list[Unknown],
-    inverse: np.ndarray,
-    effect: float,
-) -> ViewTiming:
-    """Return the timing of one view, with one row per run without dropped frames."""
-    sds = [np.sqrt(inverse[i, i] * effect) for i, unknown in enumerate(unknowns) if unknown.view == view] or [0.0, 0.0]
-    pieces = np.split(np.arange(len(offsets_s)), _dropped_frame_samples(examination, view))
+def _rows(
+    examination: Examination, view: int, offset_s: float, drift: float
+) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
+    """Return start, offset and drift of a view for each run without dropped frames."""
+    assert examination.fine is not None
+    assert examination.verdict is not None
+    verdict, frames = examination.verdict, examination.fine.final.model.frames
+    time_s = examination.observations.frame_time_s[frames]
+    offsets_s = offset_s + drift * (time_s - verdict.estimate.middle_s) + verdict.steps_s[:, view]
+    pieces = np.split(np.arange(len(offsets_s)), _dropped_samples(examination, view))
     rows = []
     for number, piece in enumerate(pieces):
-        slope = np.polyfit(time_s[piece], offsets_s[piece], 1)[0] if len(piece) > 2 else 0.0
-        slope = slope if abs(slope) > 1e-9 else 0.0
         # The view's own timestamps; where frames are missing, that of the next frame.
         since = float(time_s[piece[0]] - offsets_s[piece[0]]) if number else 0.0
-        at = float(offsets_s[piece].mean() + slope * (since - (time_s[piece] - offsets_s[piece]).mean()))
-        rows.append((since, at, 1e6 * float(slope)))
-    start_s, offset_s, drift = zip(*rows, strict=True)
-    name = examination.observations.rig.names[view]
-    return ViewTiming(name, start_s, offset_s, drift, float(sds[0]), 1e6 * float(sds[1]))
+        at = float(offsets_s[piece].mean() + drift * (since - (time_s[piece] - offsets_s[piece]).mean()))
+        rows.append((since, at, 1e6 * drift))
+    start_s, offsets, drifts = zip(*rows, strict=True)
+    return start_s, offsets, drifts
 
 
-def _dropped_frame_samples(examination: Examination, view: int) -> list[int]:
+def _dropped_samples(examination: Examination, view: int) -> list[int]:
     """Return the samples from which on a view has dropped more frames."""
     fine = examination.fine
     assert fine is not None

@@ -20,6 +20,7 @@ class FindingKind(StrEnum):
     LENS_DISTORTION = "lens distortion"
     TIME_OFFSET = "time offset"
     CLOCK_DRIFT = "clock drift"
+    FRAME_RATE = "frame rate"
     DROPPED_FRAMES = "dropped frames"
     REPEATED_FRAMES = "repeated frames"
     LEFT_RIGHT_SWAP = "left/right swap"
@@ -37,6 +38,22 @@ _GROSS = (
     FindingKind.IMAGE_TRANSFORM,
 )
 """Faults that make results wrong; a wrong focal length of all cameras is another one."""
+POSE_FINDINGS = (
+    FindingKind.WRONG_CALIBRATION,
+    FindingKind.CAMERA_ORDER,
+    FindingKind.COPIED_POSE,
+    FindingKind.CAMERA_POSE,
+    FindingKind.FOCAL_LENGTH,
+    FindingKind.LENS_DISTORTION,
+)
+"""Findings that mean that the calibration is wrong."""
+CLOCK_FINDINGS = (
+    FindingKind.TIME_OFFSET,
+    FindingKind.CLOCK_DRIFT,
+    FindingKind.FRAME_RATE,
+    FindingKind.DROPPED_FRAMES,
+)
+"""Findings that mean that the times of a view are wrong."""
 
 
 @checked

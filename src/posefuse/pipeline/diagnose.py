@@ -7,6 +7,7 @@ from posefuse.arguments import checked
 from posefuse.diagnostics import recording_check
 from posefuse.diagnostics.examine import DEEP, SHORT
 from posefuse.diagnostics.findings import rank_findings
+from posefuse.diagnostics.registry import list_findings
 from posefuse.diagnostics.time_offsets import ViewTiming
 from posefuse.errors import DetectionsError
 from posefuse.io.open_recording import RecordingInputs, open_recording
@@ -98,6 +99,20 @@ def measure_sync(
         MatchError: if views and cameras do not match, or the reference does not exist.
         DetectionsError: if the views agree too little to measure offsets, or frame times are unknown.
     """
+    timings, sync, _ = judge_sync(rig, detections, options, reference=reference, reach_s=reach_s, progress=progress)
+    return timings, sync
+
+
+def judge_sync(
+    rig: CameraRig,
+    detections: Detections,
+    options: Options | None = None,
+    *,
+    reference: str | None = None,
+    reach_s: float = DEEP.max_offset_s,
+    progress: Progress | None = None,
+) -> tuple[tuple[ViewTiming, ...], SyncOptions, tuple[Finding, ...]]:
+    """Return the results of :func:`measure_sync`, and the findings of :func:`inspect_health`; arguments as there."""
     subjects = _with_subjects(rig, detections, options or Options(), progress or Silent())
     if len(subjects[0]) < 2:
         raise DetectionsError(
@@ -112,7 +127,7 @@ def measure_sync(
         )
     if not examination.observations.rate_known:
         raise DetectionsError("sync needs times, but the files contain no frame rate. Add `rate_hz`.")
-    return timings, recording_check.sync_options(timings)
+    return timings, recording_check.sync_options(timings), list_findings(examination)
 
 
 def _with_subjects(

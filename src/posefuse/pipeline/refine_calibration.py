@@ -227,7 +227,22 @@ def _outcome(
         n_held_out=int(held_out.sum()),
         before_px=_median_of(old, held_out),
         after_px=_median_of(new, held_out),
+        gain_z=_gain_z(old, new, held_out),
     )
+
+
+def _gain_z(old: TriangulatedObservations, new: TriangulatedObservations, held_out: np.ndarray) -> float:
+    """Return the mean decrease of the error over the periods held out, in units of its standard deviation."""
+    starts = np.flatnonzero(held_out & ~np.concatenate([[False], held_out[:-1]]))
+    period = np.searchsorted(starts, np.arange(len(held_out)), side="right")
+    decrease = []
+    for number in range(1, len(starts) + 1):
+        chosen = held_out & (period == number)
+        decrease.append(_median_of(old, chosen) - _median_of(new, chosen))
+    known = np.array(decrease)[np.isfinite(decrease)]
+    if len(known) < 2:
+        return float("nan")
+    return float(known.mean() / max(known.std(ddof=1) / np.sqrt(len(known)), 1e-12))
 
 
 def _median_of(triangulated: TriangulatedObservations, held_out: np.ndarray) -> float:

@@ -19,6 +19,7 @@ from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
 from posefuse.model.options.refinement import RefineOptions
+from posefuse.pipeline.diagnose import inspect_health
 from posefuse.pipeline.refine_calibration import refine_calibration
 from posefuse.progress import Progress, Silent
 
@@ -68,6 +69,8 @@ def refine_recording(
     if source == "board":
         options, refining = replace(options, people="one"), replace(refining, rigid=True)
     result = refine_calibration(rig, detections, options, refining, progress=progress)
+    if source == "keypoints":
+        result = replace(result, findings=inspect_health(rig, detections, options, progress=progress))
     return result, write_like(_with_notes(result, calibration, source), output, calibration)
 
 

@@ -1,0 +1,44 @@
+"""Covariance of the score under errors that are correlated over time."""
+
+import numpy as np
+
+from posefuse.calibration.joint.equations import Rows
+from posefuse.calibration.joint.noise_law import FAST_S, SLOW_S, NoiseLaw
+from posefuse.kernels.calibration.joint import decaying_sums
+
+
+def score_covariance(rays: np.ndarray, rows: Rows, law: NoiseLaw) -> np.ndarray:
+    """Return the covariance of the score, shape (parameter, parameter).
+
+    Args:
+        rays: shape (point, view, 2, parameter): influence of every error on the score.
+        rows: residuals, which give the variance of the errors.
+        law: correlation of the errors.
+    """
+    size = rays.shape[-1]
+    sd = score_sds(rows)
+    streams = (rays * sd[:, None, None]).reshape(len(rows.frames), -1, size)
+    fast, slow = (_decaying(streams, rows.time_s, reach_s) for reach_s in (FAST_S, SLOW_S))
+    return (1.0 - law.slow) * fast + law.slow * slow
+
+
+def score_sds(rows: Rows) -> np.ndarray:
+    """Return the standard deviation of the scores of each view, shape (view,), corrected for what points absorb."""
+    left = np.clip(1.0 - rows.leverage(), 0.05, 1.0)
+    squared = 0.5 * np.square(rows.scores).sum(axis=-1)
+    out = np.ones(rows.n_views)
+    for v in range(rows.n_views):
+        known = rows.seen[:, v]
+        if known.any():
+            out[v] = np.sqrt(squared[known, v].sum() / left[known, v].sum())
+    return out
+
+
+def _decaying(streams: np.ndarray, time_s: np.ndarray, reach_s: float) -> np.ndarray:
+    """Return the sum over all pairs of times of products that decay exponentially with the time between them."""
+    decay = np.exp(-np.diff(time_s, prepend=time_s[:1]) / reach_s)
+    summed = np.empty_like(streams)
+    decaying_sums(np.ascontiguousarray(streams), decay, summed)
+    flat, later = streams.reshape(-1, streams.shape[-1]), summed.reshape(-1, streams.shape[-1])
+    cross = flat.T @ later
+    return cross + cross.T - flat.T @ flat

@@ -1,0 +1,214 @@
+"""Estimate poses, time offsets, clock drifts and noise of all views together, with their covariance.
+
+The estimate is the maximum of a Student-t likelihood. Its covariance is a sandwich: between inverses of the curvature
+stands the covariance of the score under errors that are correlated over time (see
+:mod:`posefuse.calibration.joint.covariance`). The data do not determine the world coordinates and the common clock:
+changes are those in the world that is closest to the calibration, and relative to the mean clock.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from posefuse.calibration.joint.covariance import score_covariance
+from posefuse.calibration.joint.equations import (
+    JointParameters,
+    Rows,
+    influences,
+    linearize,
+    noise_scales,
+    normal_equations,
+    observed_curvature,
+    pretended_information,
+)
+from posefuse.calibration.joint.noise_law import NoiseLaw, estimate_law
+from posefuse.calibration.joint.recording import JointRecording
+from posefuse.kernels.calibration.joint import VIEW_PARAMETERS
+from posefuse.model.cameras import vector_from_rotation
+
+PRIOR_SD = np.array([0.1] * 3 + [0.5] * 3 + [1.0, 5e-3])
+"""Standard deviations of a weak prior in rad, m, s and s/s; keeps parameters finite that the data do not determine."""
+LARGEST_SD = np.array([0.1] * 3 + [0.5] * 3 + [0.1, 1e-4])
+"""Largest standard deviations of changes that count as determined."""
+_END_S = 1.3
+"""Time at which end effects double the variance of a clock: velocities at the ends are unknown (measured)."""
+_MAX_STEPS = 12
+_CONVERGED = 0.03
+_MAX_CHANGE = np.array([0.1] * 3 + [0.3] * 3 + [0.1, 0.01])
+_MAX_VALUES = 12_000_000
+_MIN_SPACING_S = 0.08
+MAX_SAMPLES = 300
+_N_SIMILARITY = 7
+
+
+@dataclass(frozen=True, eq=False)
+class JointEstimate:
+    """Hold the estimate of all views.
+
+    Attributes:
+        names: names of the cameras.
+        parameters: poses and clocks.
+        change: shape (view, VIEW_PARAMETERS): change of each view from the calibration: rotation about its own axes in
+            rad, shift of its center in m, time offset in s in the middle of the recording, drift in s/s.
+        covariance: shape (view * VIEW_PARAMETERS, view * VIEW_PARAMETERS): of the changes.
+        basis: shape (view * VIEW_PARAMETERS, free): directions that the data can determine.
+        projection: shape (view * VIEW_PARAMETERS,) twice: maps any change to the equivalent one in this world.
+        rows: residuals and derivatives at the estimate.
+        law: law of the errors.
+        middle_s: time in the middle of the samples, at which the offset holds.
+    """
+
+    names: tuple[str, ...]
+    parameters: JointParameters
+    change: np.ndarray
+    covariance: np.ndarray
+    basis: np.ndarray
+    projection: np.ndarray
+    rows: Rows
+    law: NoiseLaw
+    middle_s: float
+
+    @property
+    def sd(self) -> np.ndarray:
+        """Return the standard deviations of the changes, shape (view, VIEW_PARAMETERS)."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).reshape(self.change.shape)
+
+    @property
+    def determined(self) -> np.ndarray:
+        """Return which changes the recording determines, shape (view, VIEW_PARAMETERS), bool.
+
+        A time offset needs people who move; a drift that is less certain than the largest one of real clocks says
+        nothing.
+        """
+        return self.sd <= LARGEST_SD
+
+    @property
+    def noise_scale(self) -> np.ndarray:
+        """Return the noise of each view as a multiple of the expected noise, shape (view,)."""
+        return self.rows.scale
+
+
+def estimate(
+    recording: JointRecording,
+    start: JointParameters | None = None,
+    max_samples: int = MAX_SAMPLES,
+    prior_sd: np.ndarray | None = None,
+) -> JointEstimate | None:
+    """Estimate poses and clocks of all views, or return None without points that two views observe.
+
+    Args:
+        recording: tracked keypoints and calibrated poses.
+        start: parameters to start from; by default the calibration.
+        max_samples: largest number of frames to use.
+        prior_sd: shape (view, VIEW_PARAMETERS): standard deviations of the changes; by default :data:`PRIOR_SD`.
+    """
+    n = recording.n_views
+    calibrated = JointParameters(recording.rotation, recording.center_m, np.zeros(n), np.zeros(n))
+    parameters = start or calibrated
+    frames = sample_frames(recording, max_samples)
+    prior = (np.tile(PRIOR_SD, (n, 1)) if prior_sd is None else prior_sd).ravel() ** -2.0
+    scale, points = np.ones(n), None
+    for step in range(_MAX_STEPS):
+        rows = linearize(recording, frames, parameters, scale, points)
+        if not rows.seen.any():
+            return None
+        scale, points = noise_scales(rows), rows.points_m
+        if step < 1:
+            continue
+        normal, score = normal_equations(rows)
+        change = difference(calibrated, parameters)
+        basis = _gauge(rows, parameters)[0]
+        whole = rows.relative_curvature * normal - pretended_information(rows) + np.diag(prior)
+        inverse = basis @ _inverse(basis.T @ whole @ basis, basis.T @ np.diag(prior) @ basis) @ basis.T
+        delta = inverse @ (score - prior * change.ravel())
+        delta = delta.reshape(n, VIEW_PARAMETERS)
+        parameters = parameters.changed(delta / max(1.0, float(np.abs(delta / _MAX_CHANGE).max())))
+        sds = np.sqrt(np.maximum(np.diag(inverse), 0.0)).reshape(delta.shape)
+        if step > 2 and (np.abs(delta) < _CONVERGED * sds + 1e-9).all():
+            break
+    return _finish(recording, linearize(recording, frames, parameters, scale, points), parameters, prior)
+
+
+def sample_frames(recording: JointRecording, max_samples: int) -> np.ndarray:
+    """Return evenly spaced frames, as many as allowed and as fit into memory."""
+    n_frames, n_views, n_columns = recording.xy.shape[:3]
+    per_sample = n_columns * n_views * 2 * n_views * VIEW_PARAMETERS
+    most = int(np.clip(_MAX_VALUES // max(per_sample, 1), 30, min(max_samples, MAX_SAMPLES)))
+    stride = max(1, round(_MIN_SPACING_S / recording.period_s), -(-n_frames // most))
+    first = np.searchsorted(recording.runs, recording.runs)
+    return np.flatnonzero((np.arange(n_frames) - first) % stride == 0)
+
+
+def difference(before: JointParameters, after: JointParameters) -> np.ndarray:
+    """Return the change from one set of parameters to another, shape (view, VIEW_PARAMETERS)."""
+    turns = [vector_from_rotation(b @ a.T) for a, b in zip(before.rotation, after.rotation, strict=True)]
+    clocks = np.stack([after.offset_s - before.offset_s, after.drift - before.drift], axis=1)
+    return np.concatenate([np.array(turns), after.center_m - before.center_m, clocks], axis=1)
+
+
+def _law(rows: Rows) -> NoiseLaw:
+    """Return the law of the errors from the residuals."""
+    shape = rows.points_m.shape[:2]
+    scores = np.where(rows.seen[..., None], rows.scores, np.nan).reshape(*shape, rows.n_views * 2)
+    left = float(np.mean(1.0 - rows.leverage()[rows.seen])) if rows.seen.any() else 1.0
+    absorbed = (rows.n_views * 6 - _N_SIMILARITY) / max(left, 0.1)
+    return estimate_law(scores.reshape(shape[0], -1), rows.time_s, absorbed)
+
+
+def _finish(recording: JointRecording, rows: Rows, parameters: JointParameters, prior: np.ndarray) -> JointEstimate:
+    """Return the estimate with its covariance; ``prior`` holds the inverse variances of the prior."""
+    n, law = recording.n_views, _law(rows)
+    calibrated = JointParameters(recording.rotation, recording.center_m, np.zeros(n), np.zeros(n))
+    basis, projection = _gauge(rows, parameters)
+    rays = influences(rows)
+    normal = observed_curvature(rows) - pretended_information(rows) + np.diag(prior)
+    middle = score_covariance(rays, rows, law) + np.diag(prior)
+    spread = basis @ _inverse(basis.T @ normal @ basis, basis.T @ np.diag(prior) @ basis) @ basis.T
+    covariance = spread @ middle @ spread
+    times = recording.time_s.mean(axis=1)[rows.frames]
+    inflated = np.tile([1.0] * 6 + [np.hypot(1.0, _END_S / max(times[-1] - times[0], 1e-3))] * 2, n)
+    change = (projection @ difference(calibrated, parameters).ravel()).reshape(n, VIEW_PARAMETERS)
+    return JointEstimate(
+        recording.names,
+        parameters,
+        change,
+        covariance * inflated * inflated[:, None],
+        basis,
+        projection,
+        rows,
+        law,
+        float(0.5 * (times[0] + times[-1])),
+    )
+
+
+def _inverse(curvature: np.ndarray, least: np.ndarray) -> np.ndarray:
+    """Return the inverse of a curvature that is at least another one, which is positive definite."""
+    lower = np.linalg.inv(np.linalg.cholesky(least))
+    values, vectors = np.linalg.eigh(lower @ curvature @ lower.T)
+    turned = vectors.T @ lower
+    return turned.T @ (turned / np.maximum(values, 1.0)[:, None])
+
+
+def _gauge(rows: Rows, parameters: JointParameters) -> tuple[np.ndarray, np.ndarray]:
+    """Return the directions that the data can determine, and the projection onto them along the others.
+
+    The others are the similarities of the world, and a common offset and drift of all clocks.
+    """
+    n = len(parameters.rotation)
+    points = rows.points_m[np.isfinite(rows.points_m).all(axis=-1)]
+    origin = np.median(points, axis=0) if len(points) else parameters.center_m.mean(axis=0)
+    free = np.zeros((n, VIEW_PARAMETERS, _N_SIMILARITY + 2))
+    for v in range(n):
+        x, y, z = parameters.center_m[v] - origin
+        free[v, :3, :3] = -parameters.rotation[v]
+        free[v, 3:6, :3] = -np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        free[v, 3:6, 3:6] = np.eye(3)
+        free[v, 3:6, 6] = x, y, z
+    free[:, 6, 7] = free[:, 7, 8] = 1.0
+    distance_m = float(np.median(np.linalg.norm(parameters.center_m - origin, axis=1)))
+    weight = np.tile([distance_m**2] * 3 + [1.0] * 5, n)
+    free = free.reshape(n * VIEW_PARAMETERS, -1)
+    constraint = free * weight[:, None]
+    basis = np.linalg.svd(constraint, full_matrices=True)[0][:, free.shape[1] :]
+    projection = np.eye(len(free)) - free @ np.linalg.solve(constraint.T @ free, constraint.T)
+    return basis, projection
