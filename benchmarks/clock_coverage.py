@@ -81,7 +81,7 @@ def simulate(person: Person, duration_s: float, rng: np.random.Generator) -> tup
     points = motion.positions(figure, time_s + 0.5)[:, figure.columns(skeleton)]
     if person == "balances":
         points = points + _sway(time_s, rng)[:, None] * points[:, :, 2:] / figure_height(points)
-    exact = np.moveaxis(rig.project(points), 0, 1)
+    exact = rig.project(points)
     pixels, sigma = detect(exact, rng)
     focal = np.array([camera.matrix[0, 0] for camera in rig.cameras])
     middle = np.array([camera.matrix[:2, 2] for camera in rig.cameras])
