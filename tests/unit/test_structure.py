@@ -26,6 +26,12 @@ WITHOUT_SOURCE = {
 
 TESTED_ELSEWHERE = {
     "integration/test_batch_command.py": ("batch/work.py",),
+    "integration/test_calibrate_command.py": (
+        "io/board_images.py",
+        "pipeline/calibrate.py",
+        "pipeline/detect_board.py",
+        "visualize/board_sheet.py",
+    ),
     "integration/test_command_line.py": ("cli/*.py",),
     "integration/test_existing_outputs.py": ("io/outputs.py",),
     "integration/test_refine_command.py": ("pipeline/refine_recording.py",),
@@ -161,6 +167,7 @@ TESTED_ELSEWHERE = {
         "visualize/overlay/video_sources.py",
     ),
     "unit/visualize/viewer/test_scene.py": ("visualize/viewer/layout.py",),
+    "unit/calibration/boards/test_calibration.py": ("calibration/boards/*.py",),
 }
 """Files with logic and without a unit test of their name, by the test that runs them through their callers.
 

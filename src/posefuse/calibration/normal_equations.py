@@ -1,12 +1,13 @@
 """Normal equations of a bundle adjustment, with the points eliminated (Schur complement)."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from posefuse.calibration.parameters import LENS, N_PARAMETERS, ROTATION, TRANSLATION
+from posefuse.calibration.parameters import LENS, N_PARAMETERS, POSE, ROTATION, TRANSLATION
 from posefuse.calibration.point_observations import PointObservations
-from posefuse.kernels.calibration.bundle import LENS_PARAMETERS, bundle_rows
+from posefuse.kernels.calibration.bundle import DISTORTION, LENS_PARAMETERS, bundle_rows
 from posefuse.kernels.cameras import lens
 from posefuse.model.cameras import CameraRig
 
@@ -18,28 +19,65 @@ _TINY = 1e-12
 _MIN_SHARE = 0.05
 
 
+class Observations(Protocol):
+    """What the equations need to know of observations; those of one point, and of one view of it, are consecutive."""
+
+    @property
+    def view(self) -> np.ndarray:
+        """Shape (observation,), int64."""
+        ...
+
+    @property
+    def point(self) -> np.ndarray:
+        """Shape (observation,), int64, ascending: index of the point, or of the pose of a board."""
+        ...
+
+    @property
+    def n_points(self) -> int:
+        """Number of points or poses."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """Hold a Gaussian prior of the cameras at their current parameters.
+
+    Attributes:
+        gradient: shape (view, P): of the negative logarithm.
+        matrices: shape (view, P, P): precision.
+        distance: shape (view, P): parameters minus their means.
+    """
+
+    gradient: np.ndarray
+    matrices: np.ndarray
+    distance: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class ResidualRows:
     """Hold residuals in units of the noise, and their derivatives.
 
     Attributes:
         residual: shape (observation, 2).
-        by_camera: shape (observation, 2, 9).
-        by_point: shape (observation, 2, 3): by the point in world coordinates.
+        by_camera: shape (observation, 2, P), of P parameters of a camera.
+        by_point: shape (observation, 2, D): by the point in world coordinates, or by the pose of its board.
         squared: shape (observation,): squared residual; a large value where the camera cannot see the point.
+        prior: prior of the cameras, or None.
     """
 
     residual: np.ndarray
     by_camera: np.ndarray
     by_point: np.ndarray
     squared: np.ndarray
+    prior: Prior | None = None
 
     @property
     def cost(self) -> float:
         """Return the negative log-likelihood, up to a constant."""
-        return float(0.5 * (STUDENT_T_DOF + 2.0) * np.log1p(self.squared / STUDENT_T_DOF).sum())
+        cost = float(0.5 * (STUDENT_T_DOF + 2.0) * np.log1p(self.squared / STUDENT_T_DOF).sum())
+        return cost if self.prior is None else cost + 0.5 * float((self.prior.gradient * self.prior.distance).sum())
 
-    def remaining_shares(self, observations: PointObservations) -> np.ndarray:
+    def remaining_shares(self, observations: Observations) -> np.ndarray:
         """Return the share of each error that remains in its residual, shape (observation,).
 
         Fitting the points to the observations absorbs the rest.
@@ -61,10 +99,61 @@ class ResidualRows:
         return (STUDENT_T_DOF + 2.0) * STUDENT_T_DOF / (STUDENT_T_DOF + self.squared) ** 2
 
 
+@dataclass(frozen=True, eq=False)
+class RowParts:
+    """Hold residuals in units of the noise and their derivatives, before they are arranged by parameters.
+
+    Attributes:
+        residual: shape (observation, 2).
+        by_pose: shape (observation, 2, 6): by rotation and center of the camera.
+        by_lens: shape (observation, 2, LENS_PARAMETERS).
+        by_point: shape (observation, 2, 3): by the point in world coordinates.
+        squared: shape (observation,): squared residual; a large value where the camera cannot see the point.
+    """
+
+    residual: np.ndarray
+    by_pose: np.ndarray
+    by_lens: np.ndarray
+    by_point: np.ndarray
+    squared: np.ndarray
+
+
+def residual_rows(
+    rig: CameraRig, view: np.ndarray, pixels: np.ndarray, points: np.ndarray, weight: np.ndarray
+) -> RowParts:
+    """Compute residuals and derivatives.
+
+    Args:
+        rig: the cameras.
+        view: shape (observation,), int64.
+        pixels: shape (observation, 2).
+        points: shape (observation, 3): the observed points in the world.
+        weight: shape (observation,): inverse standard deviation of each observation.
+    """
+    n = len(view)
+    residual, by_point = np.empty((n, 2)), np.empty((n, 2, 3))
+    by_lens, status = np.empty((n, 2, LENS_PARAMETERS)), np.empty(n, dtype=np.int64)
+    bundle_rows(rig.packed.array, view, points, pixels, residual, by_point, by_lens, status)
+    unseen = status != lens.OK
+    for array in (residual, by_point, by_lens):
+        array[unseen] = 0.0
+        array *= weight.reshape(-1, *(1,) * (array.ndim - 1))
+    rotations = np.array([camera.rotation for camera in rig.cameras])[view]
+    centers = np.array([camera.center_m for camera in rig.cameras])[view]
+    camera_points = (rotations @ (points - centers)[:, :, None])[:, :, 0]
+    in_world = by_point @ rotations
+    by_pose = np.empty((n, 2, 6))
+    # d(exp(w) x)/dw = -[x]x, so a row j of the derivative becomes x cross j.
+    by_pose[:, :, ROTATION] = np.cross(camera_points[:, None], by_point)
+    by_pose[:, :, TRANSLATION] = -in_world
+    squared = np.where(unseen, _UNSEEN, np.einsum("ni,ni->n", residual, residual))
+    return RowParts(residual, by_pose, by_lens, in_world, squared)
+
+
 def compute_rows(
     rig: CameraRig, observations: PointObservations, points_m: np.ndarray, scale: np.ndarray
 ) -> ResidualRows:
-    """Compute residuals and derivatives.
+    """Compute residuals and derivatives of observed points.
 
     Args:
         rig: the cameras.
@@ -72,53 +161,49 @@ def compute_rows(
         points_m: shape (point, 3).
         scale: shape (view,): factor of each view's noise.
     """
-    n = len(observations.view)
-    residual, by_point = np.empty((n, 2)), np.empty((n, 2, 3))
-    by_lens, status = np.empty((n, 2, LENS_PARAMETERS)), np.empty(n, dtype=np.int64)
-    points = points_m[observations.point]
-    bundle_rows(rig.packed.array, observations.view, points, observations.pixels, residual, by_point, by_lens, status)
     weight = 1.0 / (observations.sigma_px * scale[observations.view])
-    unseen = status != lens.OK
-    for array in (residual, by_point, by_lens):
-        array[unseen] = 0.0
-        array *= weight.reshape(-1, *(1,) * (array.ndim - 1))
-    rotations = np.array([camera.rotation for camera in rig.cameras])[observations.view]
-    centers = np.array([camera.center_m for camera in rig.cameras])[observations.view]
-    camera_points = (rotations @ (points - centers)[:, :, None])[:, :, 0]
-    in_world = by_point @ rotations
-    by_camera = np.empty((n, 2, N_PARAMETERS))
-    # d(exp(w) x)/dw = -[x]x, so a row j of the derivative becomes x cross j.
-    by_camera[:, :, ROTATION] = np.cross(camera_points[:, None], by_point)
-    by_camera[:, :, TRANSLATION] = -in_world
-    by_camera[:, :, LENS] = by_lens
-    squared = np.where(unseen, _UNSEEN, np.einsum("ni,ni->n", residual, residual))
-    return ResidualRows(residual, by_camera, in_world, squared)
+    parts = residual_rows(rig, observations.view, observations.pixels, points_m[observations.point], weight)
+    by_camera = np.empty((len(weight), 2, N_PARAMETERS))
+    by_camera[:, :, POSE] = parts.by_pose
+    by_camera[:, :, LENS] = _focal_and_radial(rig, observations.view, parts.by_lens)
+    return ResidualRows(parts.residual, by_camera, parts.by_point, parts.squared)
+
+
+def _focal_and_radial(rig: CameraRig, view: np.ndarray, by_lens: np.ndarray) -> np.ndarray:
+    """Return the derivatives by the logarithm of the focal length, k1 and k2, shape (observation, 2, 3)."""
+    matrices = np.array([camera.matrix for camera in rig.cameras])[view]
+    out = by_lens[:, :, DISTORTION - 1 : DISTORTION + 2].copy()
+    out[:, :, 0] = by_lens[:, :, 0] * matrices[:, 0, 0, None] + by_lens[:, :, 1] * matrices[:, 1, 1, None]
+    out[:, 0, 0] += matrices[:, 0, 1] * by_lens[:, 1, 1]
+    return out
 
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
-    """Hold normal equations in blocks.
+    """Hold normal equations in blocks: one per camera, and one per point or pose of a board.
 
     Attributes:
-        observations: their observations.
-        cameras: shape (view, 9, 9).
-        points: shape (point, 3, 3).
-        mixed: shape (observation, 3, 9).
-        camera_gradient: shape (observation, 9): contribution of each observation.
-        point_gradient: shape (point, 3).
+        view: shape (pair,), int64: camera of each pair of a camera and a point that it observes.
+        point: shape (pair,), int64, ascending: the point.
+        cameras: shape (view, P, P), of P parameters.
+        points: shape (point, D, D), of D coordinates: 3 of a point, 6 of a pose.
+        mixed: shape (pair, D, P).
+        camera_gradient: shape (pair, P): contribution of each pair.
+        point_gradient: shape (point, D).
+        prior_gradient: shape (view, P).
     """
 
-    observations: PointObservations
+    view: np.ndarray
+    point: np.ndarray
     cameras: np.ndarray
     points: np.ndarray
     mixed: np.ndarray
     camera_gradient: np.ndarray
     point_gradient: np.ndarray
+    prior_gradient: np.ndarray
 
     @classmethod
-    def of(
-        cls, rows: ResidualRows, observations: PointObservations, n_views: int, weight: np.ndarray
-    ) -> "NormalEquations":
+    def of(cls, rows: ResidualRows, observations: Observations, n_views: int, weight: np.ndarray) -> "NormalEquations":
         """Return the normal equations of weighted rows; gradients use the rows' own weights.
 
         Args:
@@ -129,16 +214,25 @@ class NormalEquations:
         """
         root = np.sqrt(weight)[:, None, None]
         by_camera = root * rows.by_camera
-        cameras = np.zeros((n_views, N_PARAMETERS, N_PARAMETERS))
+        size = by_camera.shape[2]
+        cameras = np.zeros((n_views, size, size))
         for v in range(n_views):
-            block = by_camera[observations.view == v].reshape(-1, N_PARAMETERS)
+            block = by_camera[observations.view == v].reshape(-1, size)
             cameras[v] = block.T @ block
         by_point = (root * rows.by_point).transpose(0, 2, 1)
         points = _sum_by_point(by_point @ by_point.transpose(0, 2, 1), observations)
         weighted = rows.residual * rows.weight[:, None]
         camera_gradient = (weighted[:, None] @ rows.by_camera)[:, 0]
         point_gradient = _sum_by_point((weighted[:, None] @ rows.by_point)[:, 0], observations)
-        return cls(observations, cameras, points, by_point @ by_camera, camera_gradient, point_gradient)
+        starts = _pair_starts(observations)
+        mixed = _sum_by_pair(by_point @ by_camera, starts)
+        camera_gradient = _sum_by_pair(camera_gradient, starts)
+        prior_gradient = np.zeros((n_views, size))
+        if rows.prior is not None:
+            cameras += rows.prior.matrices
+            prior_gradient = rows.prior.gradient
+        view, point = observations.view[starts], observations.point[starts]
+        return cls(view, point, cameras, points, mixed, camera_gradient, point_gradient, prior_gradient)
 
     def reduced(self, columns: np.ndarray, damping: float = 0.0) -> "ReducedEquations":
         """Eliminate the points.
@@ -147,61 +241,75 @@ class NormalEquations:
             columns: indices of the free camera parameters.
             damping: relative increase of the diagonals (Marquardt).
         """
-        n, n_views = len(self.points), len(self.cameras)
-        size, view, point = n_views * N_PARAMETERS, self.observations.view, self.observations.point
+        (n, d), (n_views, p) = self.point_gradient.shape, self.cameras.shape[:2]
+        size = n_views * p
         damped = self.points.copy()
-        damped[:, np.arange(3), np.arange(3)] *= 1.0 + damping
+        damped[:, np.arange(d), np.arange(d)] *= 1.0 + damping
         root = _inverse_root(damped)
         # Its square is the term that the elimination of the points subtracts.
-        eliminated = np.zeros((n, 3, n_views, N_PARAMETERS))
-        eliminated[point, :, view] = root[point] @ self.mixed
-        flat = eliminated.reshape(3 * n, size)
+        eliminated = np.zeros((n, d, n_views, p))
+        eliminated[self.point, :, self.view] = root[self.point] @ self.mixed
+        flat = eliminated.reshape(d * n, size)
         if len(columns) < size:
             flat = flat[:, columns]
-        matrix = np.zeros((n_views, N_PARAMETERS, n_views, N_PARAMETERS))
+        matrix = np.zeros((n_views, p, n_views, p))
         matrix[np.arange(n_views), :, np.arange(n_views)] = self.cameras
         matrix = matrix.reshape(size, size)[np.ix_(columns, columns)]
         matrix[np.diag_indices_from(matrix)] *= 1.0 + damping
         root_gradient = (root @ self.point_gradient[:, :, None])[:, :, 0]
-        gradient = np.zeros((n_views, N_PARAMETERS))
-        np.add.at(gradient, view, self.camera_gradient)
+        gradient = self.prior_gradient.copy()
+        np.add.at(gradient, self.view, self.camera_gradient)
         return ReducedEquations(
             matrix - flat.T @ flat, gradient.ravel()[columns] - root_gradient.ravel() @ flat, root, flat, root_gradient
         )
 
     def scores(self, columns: np.ndarray, reduced: "ReducedEquations") -> np.ndarray:
         """Return each point's contribution to the reduced gradient, shape (point, free parameter)."""
-        n, n_views = len(self.points), len(self.cameras)
-        all_scores = np.zeros((n, n_views, N_PARAMETERS))
-        all_scores[self.observations.point, self.observations.view] = self.camera_gradient
-        eliminated = reduced.eliminated.reshape(n, 3, len(columns))
+        (n, d), (n_views, p) = self.point_gradient.shape, self.cameras.shape[:2]
+        all_scores = np.zeros((n, n_views, p))
+        all_scores[self.point, self.view] = self.camera_gradient
+        eliminated = reduced.eliminated.reshape(n, d, len(columns))
         return all_scores.reshape(n, -1)[:, columns] - (reduced.point_gradient[:, None] @ eliminated)[:, 0]
 
     def points_step(self, reduced: "ReducedEquations", change: np.ndarray) -> np.ndarray:
-        """Return the step of the points for a step of the cameras (view, 9), shape (point, 3)."""
-        along = (self.mixed @ change[self.observations.view][:, :, None])[:, :, 0]
-        right = -self.point_gradient - _sum_by_point(along, self.observations)
+        """Return the step of the points for a step of the cameras (view, P), shape (point, D)."""
+        along = (self.mixed @ change[self.view][:, :, None])[:, :, 0]
+        starts = np.searchsorted(self.point, np.arange(len(self.points)))
+        right = -self.point_gradient - np.add.reduceat(along, starts, axis=0)
         inner = reduced.root @ right[:, :, None]
         return (reduced.root.transpose(0, 2, 1) @ inner)[:, :, 0]
 
 
-def _sum_by_point(values: np.ndarray, observations: PointObservations) -> np.ndarray:
+def _sum_by_point(values: np.ndarray, observations: Observations) -> np.ndarray:
     """Return sums over the observations of each point; every point has consecutive observations."""
     return np.add.reduceat(values, np.searchsorted(observations.point, np.arange(observations.n_points)), axis=0)
 
 
+def _pair_starts(observations: Observations) -> np.ndarray:
+    """Return the first observation of each pair of a camera and a point, whose observations are consecutive."""
+    is_new = np.ones(len(observations.view), dtype=bool)
+    is_new[1:] = (np.diff(observations.point) != 0) | (np.diff(observations.view) != 0)
+    return np.flatnonzero(is_new)
+
+
+def _sum_by_pair(values: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Return sums over the observations of each pair."""
+    return values if len(starts) == len(values) else np.add.reduceat(values, starts, axis=0)
+
+
 def _inverse_root(matrices: np.ndarray) -> np.ndarray:
-    """Return R with R'R the inverse of each matrix, by Cholesky decomposition, shape (n, 3, 3).
+    """Return R with R'R the inverse of each matrix, by Cholesky decomposition, shape (n, D, D).
 
     Directions that a matrix does not determine are 0.
     """
+    d = matrices.shape[1]
     lower, out = np.zeros_like(matrices), np.zeros_like(matrices)
     min_pivot = _TINY * np.trace(matrices, axis1=1, axis2=2)
-    for j in range(3):
+    for j in range(d):
         pivot = matrices[:, j, j] - (lower[:, j, :j] ** 2).sum(axis=1)
         is_determined = pivot > min_pivot
         inverse = np.where(is_determined, 1.0 / np.sqrt(np.where(is_determined, pivot, 1.0)), 0.0)
-        for i in range(j + 1, 3):
+        for i in range(j + 1, d):
             lower[:, i, j] = (matrices[:, i, j] - (lower[:, i, :j] * lower[:, j, :j]).sum(axis=1)) * inverse
         # A row of the inverse of the lower triangle, from those above it.
         out[:, j, j] = inverse
@@ -217,9 +325,9 @@ class ReducedEquations:
     Attributes:
         matrix: shape (free, free): Schur complement.
         gradient: shape (free,).
-        root: shape (point, 3, 3): inverse root of each point's matrix.
-        eliminated: shape (point * 3, free): its square was subtracted.
-        point_gradient: shape (point, 3): roots times the points' gradients.
+        root: shape (point, D, D): inverse root of each point's matrix.
+        eliminated: shape (point * D, free): its square was subtracted.
+        point_gradient: shape (point, D): roots times the points' gradients.
     """
 
     matrix: np.ndarray

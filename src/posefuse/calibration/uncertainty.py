@@ -88,11 +88,11 @@ def _score_covariance(scores: np.ndarray, observations: PointObservations) -> np
     """Return the covariance of the sum of the scores, clustered by period of time and by keypoint."""
     span = int(observations.frame.max()) + 1
     period = observations.frame * min(MAX_PERIODS, span) // span
-    of_time = _cluster_covariance(scores, period)
-    of_keypoints = _cluster_covariance(scores, observations.keypoint)
+    of_time = cluster_covariance(scores, period)
+    of_keypoints = cluster_covariance(scores, observations.keypoint)
     if of_keypoints is None or of_time is None:
         return of_time if of_time is not None else _square(scores)
-    both = _cluster_covariance(scores, period * (int(observations.keypoint.max()) + 1) + observations.keypoint)
+    both = cluster_covariance(scores, period * (int(observations.keypoint.max()) + 1) + observations.keypoint)
     assert both is not None
     # Keypoints add their common errors over the recording, unless these are smaller than expected by chance.
     values, vectors = np.linalg.eigh(_symmetric(of_keypoints - both))
@@ -109,7 +109,7 @@ def _square(scores: np.ndarray) -> np.ndarray:
     return scores.T @ scores
 
 
-def _cluster_covariance(scores: np.ndarray, cluster: np.ndarray) -> np.ndarray | None:
+def cluster_covariance(scores: np.ndarray, cluster: np.ndarray) -> np.ndarray | None:
     """Return the covariance of the sum from sums over clusters; None if there are too few clusters."""
     _, index = np.unique(cluster, return_inverse=True)
     count = int(index.max()) + 1

@@ -43,6 +43,8 @@ COMMANDS = {
     "compare": "Compare triangulation methods on one recording.",
     "sync": "Measure the time offsets of views.",
     "calibrate-noise": "Estimate the noise of a detector.",
+    "calibrate": "Calibrate cameras from videos or pictures of a board.",
+    "board": "Draw a calibration board to print.",
     "refine-calibration": "Refine the poses of cameras from detections.",
     "explain": "Explain the identities and points of one frame.",
     "edit": "Merge, split, rename, drop or swap people of a result.",

@@ -3,13 +3,15 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.io.files import must_exist
 from posefuse.io.videos.library import import_pyav
+
+PixelFormat = Literal["rgb24", "gray"]
 
 _QUARTER_DEG = 90
 _MIN_SEEK_S = 5.0
@@ -22,7 +24,8 @@ class VideoImage:
     Attributes:
         number: index of the image in the video, from 0.
         time_s: time since the first image, from the video's timestamps.
-        rgb: shape (height, width, 3), uint8, rotated for display; may be read-only.
+        rgb: shape (height, width, 3), uint8, rotated for display; may be read-only. Shape (height, width) if the images
+            are read in gray.
     """
 
     number: int
@@ -71,12 +74,13 @@ class VideoReader:
     error: str = ""
     ended: bool = False
 
-    def images(self, from_s: float = 0.0) -> Iterator[VideoImage]:
+    def images(self, from_s: float = 0.0, pixel_format: PixelFormat = "rgb24") -> Iterator[VideoImage]:
         """Yield the images in order of time, up to the end or the first unreadable one, which sets ``error``.
 
         Args:
             from_s: start time; earlier images may be yielded, too. If it is later than a few seconds, images are
                 numbered from the first one yielded.
+            pixel_format: rgb24 for color, gray for brightness, which is faster.
         """
         av = import_pyav()
         seeks = from_s > _MIN_SEEK_S
@@ -87,7 +91,7 @@ class VideoReader:
                 if seeks:
                     container.seek(int((self.info.first_s + from_s) / stream.time_base), stream=stream)
                 for frame in container.decode(stream):
-                    yield self._image(frame)
+                    yield self._image(frame, pixel_format)
         except (av.error.FFmpegError, EOFError) as error:
             self.error = getattr(error, "strerror", None) or str(error)
         n_frames = self.info.n_frames
@@ -95,10 +99,10 @@ class VideoReader:
             self.error = f"its header states {n_frames} images"
         self.ended = True
 
-    def _image(self, frame: Any) -> VideoImage:
+    def _image(self, frame: Any, pixel_format: PixelFormat) -> VideoImage:
         rate_hz = self.info.rate_hz
         time_s = self.n_read / (rate_hz or 1.0) if frame.time is None else frame.time - self.info.first_s
-        image = VideoImage(self.n_read, time_s, upright(frame))
+        image = VideoImage(self.n_read, time_s, upright(frame, pixel_format))
         self.n_read += 1
         self.last_s = image.time_s
         return image
@@ -143,9 +147,9 @@ def open_video(path: Path) -> VideoReader:
     return VideoReader(info)
 
 
-def upright(frame: Any) -> np.ndarray:
-    """Return the image of a decoded frame, rotated for display, shape (height, width, 3), uint8."""
-    rgb = frame.to_ndarray(format="rgb24")
+def upright(frame: Any, pixel_format: PixelFormat = "rgb24") -> np.ndarray:
+    """Return the image of a decoded frame, rotated for display, shape (height, width, 3) or (height, width), uint8."""
+    rgb = frame.to_ndarray(format=pixel_format)
     quarters = _quarter_turns(frame)
     return rgb if quarters == 0 else np.ascontiguousarray(np.rot90(rgb, quarters))
 

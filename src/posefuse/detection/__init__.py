@@ -1,0 +1,1 @@
+"""Detection of 2D points in images."""

@@ -1,0 +1,1 @@
+"""Detection of the corners of calibration boards, by OpenCV."""

@@ -1,0 +1,132 @@
+"""Images of a calibration board: one video per camera, or one folder of pictures per camera."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from posefuse.errors import FileError, RecordingError
+from posefuse.io.files import must_exist, natural_key
+from posefuse.io.videos.library import import_pyav
+from posefuse.io.videos.reader import open_video
+
+VIDEO_ENDINGS = (".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm", ".mpg", ".mts")
+PICTURE_ENDINGS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp")
+_MAX_DEPTH = 3
+
+
+@dataclass(frozen=True)
+class ViewImages:
+    """The images of one camera.
+
+    Attributes:
+        name: name of the camera: that of the video without its ending, or of the folder of pictures.
+        files: the video, or the pictures in natural order.
+        is_video: whether there is one video.
+    """
+
+    name: str
+    files: tuple[Path, ...]
+    is_video: bool
+
+
+@dataclass(frozen=True, eq=False)
+class GrayImage:
+    """One image.
+
+    Attributes:
+        number: index of the image in its video or folder.
+        time_s: time since the first image of the video; NaN for a picture.
+        gray: shape (height, width), uint8.
+    """
+
+    number: int
+    time_s: float
+    gray: np.ndarray
+
+
+def find_images(folder: Path) -> tuple[ViewImages, ...]:
+    """Return the images of each camera below a folder, ordered by name.
+
+    Raises:
+        FileError: if the folder does not exist.
+        RecordingError: if there are no images, or several sets of them.
+    """
+    must_exist(folder, "folder of images")
+    if folder.is_file():
+        return (ViewImages(folder.stem, (folder,), is_video=folder.suffix.lower() in VIDEO_ENDINGS),)
+    sets: list[tuple[Path, tuple[ViewImages, ...]]] = []
+    for place in _folders(folder):
+        videos = _files(place, VIDEO_ENDINGS)
+        if videos:
+            sets.append((place, tuple(ViewImages(file.stem, (file,), is_video=True) for file in videos)))
+        pictures = [(inside, _files(inside, PICTURE_ENDINGS)) for inside in _subfolders(place)]
+        views = tuple(ViewImages(inside.name, files, is_video=False) for inside, files in pictures if files)
+        if views:
+            sets.append((place, views))
+    if len(sets) == 1:
+        return sets[0][1]
+    if not sets:
+        raise RecordingError(
+            f"{folder} has neither videos ({', '.join(VIDEO_ENDINGS)}) nor folders of pictures, one per camera. Give "
+            "the folder that holds one video of the board per camera."
+        )
+    listed = "".join(f"\n  {place}  ({len(views)} {_kind(views)})" for place, views in sets)
+    raise RecordingError(f"{folder} has {len(sets)} sets of images. Give the folder of one:{listed}")
+
+
+def _kind(views: tuple[ViewImages, ...]) -> str:
+    return "videos" if views[0].is_video else "folders of pictures"
+
+
+def _folders(folder: Path, depth: int = 0) -> Iterator[Path]:
+    """Yield a folder and those inside it."""
+    yield folder
+    if depth < _MAX_DEPTH:
+        for inside in _subfolders(folder):
+            yield from _folders(inside, depth + 1)
+
+
+def _subfolders(folder: Path) -> list[Path]:
+    inside = [path for path in folder.iterdir() if path.is_dir() and not path.name.startswith(".")]
+    return sorted(inside, key=lambda path: natural_key(path.name))
+
+
+def _files(folder: Path, endings: tuple[str, ...]) -> tuple[Path, ...]:
+    files = [path for path in folder.iterdir() if path.suffix.lower() in endings and path.is_file()]
+    return tuple(sorted(files, key=lambda path: natural_key(path.name)))
+
+
+def gray_images(view: ViewImages, every: int = 1) -> Iterator[GrayImage]:
+    """Yield the images of a camera.
+
+    Args:
+        view: the camera's images.
+        every: interval of the images of a video that are yielded; all pictures are.
+
+    Raises:
+        FileError: if an image cannot be read.
+    """
+    if not view.is_video:
+        for number, file in enumerate(view.files):
+            yield GrayImage(number, float("nan"), _first_image(file))
+        return
+    reader = open_video(view.files[0])
+    yield from (
+        GrayImage(image.number, image.time_s, image.rgb)
+        for image in reader.images(pixel_format="gray")
+        if image.number % every == 0
+    )
+
+
+def _first_image(file: Path) -> np.ndarray:
+    """Return a picture, shape (height, width), uint8."""
+    av = import_pyav()
+    try:
+        with av.open(str(file)) as container:
+            for frame in container.decode(video=0):
+                return frame.to_ndarray(format="gray")
+    except av.error.FFmpegError as error:
+        raise FileError(f"{file} cannot be read as a picture ({error.strerror}).") from None
+    raise FileError(f"{file} contains no picture.")

@@ -1,0 +1,62 @@
+"""Corners are found where they were drawn, and other markers are named."""
+
+import numpy as np
+import pytest
+
+from posefuse.detection.boards.detector import BoardDetector, identify_markers
+from posefuse.io.board_specs import read_board_spec
+from tests.boards import picture
+
+BOARDS = (
+    "charuco:7x5,square=30mm",
+    "charuco:4x6,square=40mm,legacy",
+    "charuco:4x5,square=54mm,dict=4X4_1000,inverted",
+    "checkerboard:4x7,square=60mm",
+    "aruco:4x3,square=40mm,dict=5X5_100",
+    "apriltag:3x2,square=50mm",
+)
+MARGIN_PX, PX_PER_M = 60, 4000.0
+
+
+@pytest.mark.parametrize("spec", BOARDS)
+def test_corners_are_where_they_were_drawn(spec):
+    board = read_board_spec(spec)
+    found = BoardDetector(board, thorough=True).corners_px(picture(board))
+    edge = board.square_m if board.kind == "checkerboard" else 0.0
+    expected = (board.points_m[:, :2] + edge) * PX_PER_M + MARGIN_PX - 0.5
+    assert np.isfinite(found).all()
+    assert np.abs(found - expected).max() < 0.3
+
+
+@pytest.mark.parametrize("spec", BOARDS)
+def test_an_empty_image_has_no_corners(spec):
+    board = read_board_spec(spec)
+    assert np.isnan(BoardDetector(board).corners_px(np.full((300, 400), 127, dtype=np.uint8))).all()
+
+
+def test_hidden_corners_are_missing():
+    board = read_board_spec(BOARDS[0])
+    image = picture(board)
+    image[:, : image.shape[1] // 3] = 127
+    found = np.isfinite(BoardDetector(board).corners_px(image)).all(axis=1)
+    assert 0.4 < found.mean() < 0.9
+
+
+def test_detectors_can_be_sent_to_other_processes():
+    import pickle
+
+    detector = BoardDetector(read_board_spec(BOARDS[0]), thorough=True)
+    detector.corners_px(np.zeros((100, 100), dtype=np.uint8))
+    assert pickle.loads(pickle.dumps(detector)) == detector
+
+
+def test_markers_are_identified():
+    board = read_board_spec("charuco:5x4,square=30mm,dict=5X5_50,inverted")
+    small = picture(board, px_per_m=1400.0)
+    found = identify_markers([small])
+    assert found is not None
+    assert (found.dictionary, found.inverted, found.mirrored) == ("5X5_50", True, False)
+    mirrored = identify_markers([np.ascontiguousarray(small[:, ::-1])])
+    assert mirrored is not None
+    assert mirrored.mirrored
+    assert identify_markers([np.full((200, 200), 127, dtype=np.uint8)]) is None
