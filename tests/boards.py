@@ -1,10 +1,14 @@
 """Simulated images of calibration boards."""
 
 from dataclasses import replace
+from pathlib import Path
 
+import cv2
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
+from posefuse.io.board_specs import read_board_spec
+from posefuse.io.videos.writer import write_video
 from posefuse.model.board import Board
 from posefuse.model.cameras import Camera, CameraRig, LensModel, rotation_from_vector
 from posefuse.model.detections import Detections
@@ -14,6 +18,10 @@ from posefuse.visualize.board_sheet import black_squares
 BOARD = Board("charuco", 6, 5, 0.04)
 SIZE_PX = (1280, 720)
 RATE_HZ = 10.0
+SPEC = "charuco:6x5,square=80mm"
+RENDERED_PX_PER_M, MARGIN_PX = 1000.0, 60
+N_FRAMES = 16
+SMALL_PX = (960, 540)
 LENSES = {
     LensModel.BROWN: (-0.2, 0.05, 1e-3, -5e-4, 0.01),
     LensModel.RATIONAL: (0.1, -0.05, 1e-3, -5e-4, 0.01, 0.2, -0.05, 0.01),
@@ -84,3 +92,39 @@ def picture(board: Board, px_per_m: float = 4000.0, margin_px: int = 60) -> np.n
         image[slice(*rows), slice(*columns)] = 0
     blurred = gaussian_filter(image.astype(np.float64), 1.0).round().astype(np.uint8)
     return 255 - blurred if board.inverted else blurred
+
+
+def small_rig(n: int = 2) -> CameraRig:
+    """Pinhole cameras with small images, which a homography renders exactly."""
+    cameras = []
+    for camera in board_rig(n).cameras:
+        matrix = camera.matrix * 0.75
+        matrix[2, 2] = 1.0
+        cameras.append(Camera(camera.name, SMALL_PX, matrix, camera.camera_from_world))
+    return CameraRig(tuple(cameras))
+
+
+def render(rig: CameraRig, folder: Path, spec: str = SPEC, *, mirrored: bool = False) -> None:
+    """Write one video per camera of a board that is carried about."""
+    drawn = picture(read_board_spec(spec), RENDERED_PX_PER_M, MARGIN_PX)
+    times = 0.6 * np.arange(N_FRAMES)
+    rotations, origins = board_poses(times)
+    board_from_picture = np.array(
+        [
+            [1 / RENDERED_PX_PER_M, 0.0, (0.5 - MARGIN_PX) / RENDERED_PX_PER_M],
+            [0.0, 1 / RENDERED_PX_PER_M, (0.5 - MARGIN_PX) / RENDERED_PX_PER_M],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+    folder.mkdir()
+    for camera in rig.cameras:
+        with write_video(folder / f"{camera.name}.mp4", camera.size_px, RATE_HZ) as video:
+            for k in range(N_FRAMES):
+                rotation = camera.rotation @ rotations[k]
+                place = camera.rotation @ origins[k] + camera.translation_m
+                plane = camera.matrix @ np.stack([rotation[:, 0], rotation[:, 1], place], axis=1)
+                image = cv2.warpPerspective(
+                    drawn, plane @ board_from_picture, camera.size_px, flags=cv2.INTER_AREA, borderValue=127
+                )
+                image = image[:, ::-1] if mirrored else image
+                video.add(np.repeat(image[:, :, None], 3, axis=2), k / RATE_HZ)

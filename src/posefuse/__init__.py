@@ -17,6 +17,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from posefuse.calibration.boards.calibration import BoardCalibration as BoardCalibration
     from posefuse.calibration.outcome import Refinement as Refinement
     from posefuse.editing import apply_edits as apply_edits
     from posefuse.errors import PosefuseError as PosefuseError
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from posefuse.io.results.read import read_points as read_points
     from posefuse.io.results.write import write as write
     from posefuse.model.alignment import Alignment as Alignment
+    from posefuse.model.board import Board as Board
     from posefuse.model.cameras import Camera as Camera
     from posefuse.model.cameras import CameraRig as CameraRig
     from posefuse.model.cameras import LensModel as LensModel
@@ -47,6 +49,7 @@ if TYPE_CHECKING:
     from posefuse.model.options.alignment import AlignOptions as AlignOptions
     from posefuse.model.options.association import AssociationOptions as AssociationOptions
     from posefuse.model.options.association import RptOptions as RptOptions
+    from posefuse.model.options.calibration import CalibrateOptions as CalibrateOptions
     from posefuse.model.options.left_right import SideOptions as SideOptions
     from posefuse.model.options.noise import NoiseOptions as NoiseOptions
     from posefuse.model.options.options import Options as Options
@@ -91,6 +94,7 @@ if TYPE_CHECKING:
     from posefuse.model.tracks import Tracks as Tracks
     from posefuse.model.tracks import TrackState as TrackState
     from posefuse.model.up_axis import InferredUp as InferredUp
+    from posefuse.pipeline.calibrate import calibrate as calibrate
     from posefuse.pipeline.calibrate_noise import calibrate_noise as calibrate_noise
     from posefuse.pipeline.compare_methods import compare_methods as compare_methods
     from posefuse.pipeline.diagnose import inspect_health as inspect_health
@@ -115,6 +119,7 @@ if TYPE_CHECKING:
     from posefuse.tracking.records import Person as Person
 
 _PUBLIC = {
+    "calibration.boards.calibration": ("BoardCalibration",),
     "calibration.outcome": ("Refinement",),
     "editing": ("apply_edits",),
     "errors": ("PosefuseError", "PosefuseWarning"),
@@ -132,6 +137,7 @@ _PUBLIC = {
     "io.results.read": ("read_points",),
     "io.results.write": ("write",),
     "model.alignment": ("Alignment",),
+    "model.board": ("Board",),
     "model.cameras": ("Camera", "CameraRig", "LensModel"),
     "model.detections": ("Detections",),
     "model.findings": ("Finding",),
@@ -139,6 +145,7 @@ _PUBLIC = {
     "model.noise": ("NoiseModel",),
     "model.options.alignment": ("AlignOptions",),
     "model.options.association": ("AssociationOptions", "RptOptions"),
+    "model.options.calibration": ("CalibrateOptions",),
     "model.options.left_right": ("SideOptions",),
     "model.options.noise": ("NoiseOptions",),
     "model.options.options": ("Options",),
@@ -183,6 +190,7 @@ _PUBLIC = {
     "model.stored_points": ("StoredPoints",),
     "model.tracks": ("Tracks", "TrackState"),
     "model.up_axis": ("InferredUp",),
+    "pipeline.calibrate": ("calibrate",),
     "pipeline.calibrate_noise": ("calibrate_noise",),
     "pipeline.compare_methods": ("compare_methods",),
     "pipeline.diagnose": ("inspect_health", "measure_sync"),

@@ -1,61 +1,14 @@
 """``posefuse board`` and ``posefuse calibrate`` on rendered videos of a board."""
 
 import re
-from dataclasses import replace
-from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
 import posefuse
 from posefuse.cli.main import main
-from posefuse.io.board_specs import read_board_spec
 from posefuse.io.calibration.anipose import write
-from posefuse.io.videos.writer import write_video
-from posefuse.model.cameras import Camera, CameraRig
-from tests.boards import RATE_HZ, board_poses, board_rig, picture
-
-SPEC = "charuco:6x5,square=80mm"
-PX_PER_M, MARGIN_PX = 1000.0, 60
-N_FRAMES = 16
-SIZE_PX = (960, 540)
-
-
-def small_rig(n: int = 2) -> CameraRig:
-    """Pinhole cameras with small images, which a homography renders exactly."""
-    cameras = []
-    for camera in board_rig(n).cameras:
-        matrix = camera.matrix * 0.75
-        matrix[2, 2] = 1.0
-        cameras.append(Camera(camera.name, SIZE_PX, matrix, camera.camera_from_world))
-    return CameraRig(tuple(cameras))
-
-
-def render(rig: CameraRig, folder: Path, spec: str = SPEC, *, mirrored: bool = False) -> None:
-    """Write one video per camera of a board that is carried about."""
-    drawn = picture(read_board_spec(spec), PX_PER_M, MARGIN_PX)
-    times = 0.6 * np.arange(N_FRAMES)
-    rotations, origins = board_poses(times)
-    board_from_picture = np.array(
-        [
-            [1 / PX_PER_M, 0.0, (0.5 - MARGIN_PX) / PX_PER_M],
-            [0.0, 1 / PX_PER_M, (0.5 - MARGIN_PX) / PX_PER_M],
-            [0.0, 0.0, 1.0],
-        ]
-    )
-    folder.mkdir()
-    for camera in rig.cameras:
-        with write_video(folder / f"{camera.name}.mp4", camera.size_px, RATE_HZ) as video:
-            for k in range(N_FRAMES):
-                rotation = camera.rotation @ rotations[k]
-                place = camera.rotation @ origins[k] + camera.translation_m
-                plane = camera.matrix @ np.stack([rotation[:, 0], rotation[:, 1], place], axis=1)
-                image = cv2.warpPerspective(
-                    drawn, plane @ board_from_picture, camera.size_px, flags=cv2.INTER_AREA, borderValue=127
-                )
-                image = image[:, ::-1] if mirrored else image
-                video.add(np.repeat(image[:, :, None], 3, axis=2), k / RATE_HZ)
+from tests.boards import SPEC, render, small_rig
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +57,7 @@ def test_wrong_boards_are_explained(spec, message, videos, tmp_path, capsys):
 
 
 def test_mirrored_videos_are_named(tmp_path, capsys):
-    render(replace(small_rig(2)), tmp_path / "videos", mirrored=True)
+    render(small_rig(), tmp_path / "videos", mirrored=True)
     with pytest.raises(SystemExit):
         main(["calibrate", str(tmp_path / "videos"), "--board", SPEC, "-o", str(tmp_path / "c.toml"), "--jobs", "1"])
     assert "mirrored" in capsys.readouterr().err

@@ -18,8 +18,10 @@ from posefuse.batch.work import run_job
 from posefuse.cli.main import COMMANDS, app
 from posefuse.cli.simulate import write_scene
 from posefuse.errors import OutputExistsError
+from posefuse.io.calibration.anipose import write as write_calibration
 from posefuse.io.stream import lines_of
 from posefuse.synthetic.options import CLEAN, SceneOptions
+from tests.boards import SPEC, render, small_rig
 
 SHORT = ("--duration-s", "0.2", "--cameras", "3")
 FAST = ("--solve", "frame", "--pairs", "labels", "--people", "one", "--end-s", 0.4)
@@ -30,11 +32,19 @@ Arguments = tuple[object, ...]
 
 @dataclass(frozen=True)
 class Inputs:
-    """Inputs of all commands: a recording with its truth, a result, edits."""
+    """Inputs of all commands: a recording with its truth, a result, edits, videos of a board."""
 
     recording: Path
     result: Path
     edits: Path
+
+    @property
+    def board_videos(self) -> Path:
+        return self.edits.parent / "videos"
+
+    @property
+    def lenses(self) -> Path:
+        return self.edits.parent / "lenses" / "lenses.toml"
 
     @property
     def truth(self) -> Path:
@@ -51,6 +61,18 @@ REFUSES: dict[str, Callable[[Inputs], Arguments]] = {
     "compare": lambda given: (given.recording, "--methods", "simple,midpoint", "--no-timing", *FAST, "-o", "out"),
     "sync": lambda given: (given.recording, "--keypoints", given.recording / "keypoints.nc"),
     "calibrate-noise": lambda given: (given.recording, "--end-s", 0.4),
+    "board": lambda _: ("-o", "out.pdf"),
+    "calibrate": lambda given: (
+        given.board_videos,
+        "--board",
+        SPEC,
+        "--intrinsics",
+        given.lenses,
+        "--jobs",
+        1,
+        "-o",
+        "out.toml",
+    ),
     "refine-calibration": lambda given: (given.recording, "--end-s", 0.3, "-o", "out.toml"),
     "edit": lambda given: (given.result, given.edits),
     "report": lambda given: (given.result, "-o", "out.html"),
@@ -85,6 +107,9 @@ def made(tmp_path_factory) -> Inputs:
     options = posefuse.Options(solve="frame", pairs="labels", end_s=0.4)
     posefuse.reconstruct_recording(given.recording, given.result, options)
     given.edits.write_text(RENAME)
+    render(small_rig(), given.board_videos)
+    given.lenses.parent.mkdir()
+    write_calibration(small_rig(), given.lenses)
     return given
 
 

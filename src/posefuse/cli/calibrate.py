@@ -1,40 +1,16 @@
 """``posefuse calibrate``."""
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 
 from posefuse.calibration.boards.calibration import BoardCalibration, CameraReport
 from posefuse.cli.console import Bars, count, note, say, table
-from posefuse.cli.types import TimestampsPath
-
-LensName = Literal["brown", "rational", "fisheye"]
-
-
-@dataclass(frozen=True)
-class CalibrateFlags:
-    """Flags of a calibration by a board."""
-
-    intrinsics: Annotated[
-        Path | None, Parameter(help="Calibration file with known lenses; lenses that it lacks are estimated.")
-    ] = None
-    refine_intrinsics: Annotated[bool, Parameter(negative="", help="Adjust the known lenses, too.")] = False
-    lens: Annotated[
-        LensName | None,
-        Parameter(
-            help="Lens model of estimated lenses: brown (5 coefficients), rational (8) or fisheye (4); by default the "
-            "one that predicts held-out images best."
-        ),
-    ] = None
-    origin_frame: Annotated[
-        int | None,
-        Parameter(help="Frame whose board, flat on the floor, defines the world with z up; default: the first camera."),
-    ] = None
-    every: Annotated[int, Parameter(help="Examine every n-th image of the videos.")] = 1
-    jobs: Annotated[int | None, Parameter(help="Number of processes; by default one per core.")] = None
-    timestamps: TimestampsPath = None
+from posefuse.cli.help import OPTIONS_GROUP
+from posefuse.cli.types import Overwrite, TimestampsPath
+from posefuse.errors import FileError, choices
+from posefuse.model.options.calibration import CalibrateOptions
 
 
 def calibrate(
@@ -50,33 +26,30 @@ def calibrate(
     output: Annotated[
         Path, Parameter(name=["--output", "-o"], help="Calibration file to write, in Anipose's format (name.toml).")
     ],
-    flags: Annotated[CalibrateFlags, Parameter(name="*")] = CalibrateFlags(),
+    intrinsics: Annotated[
+        Path | None, Parameter(help="Calibration file with known lenses; lenses that it lacks are estimated.")
+    ] = None,
+    timestamps: TimestampsPath = None,
+    overwrite: Overwrite = False,
+    options: Annotated[
+        CalibrateOptions, Parameter(name="*", group=Group(OPTIONS_GROUP, sort_key=2))
+    ] = CalibrateOptions(),  # noqa: B008
 ) -> None:
     """Calibrate cameras from videos or pictures of a board that they see together.
 
     Estimates lenses, poses and time offsets with standard deviations, and states what to film next.
     """
-    from posefuse.io.calibration.registry import CALIBRATIONS
-    from posefuse.io.calibration.write import write_as
-    from posefuse.model.cameras import LensModel
-    from posefuse.pipeline.calibrate import CalibrateOptions
+    from posefuse.io.calibration.anipose import FORMAT, write
+    from posefuse.io.outputs import check_new_files
     from posefuse.pipeline.calibrate import calibrate as run
 
-    form = CALIBRATIONS.find("anipose")
-    assert form is not None
-    options = CalibrateOptions(
-        flags.refine_intrinsics,
-        LensModel(flags.lens) if flags.lens else None,
-        flags.origin_frame,
-        flags.every,
-        flags.jobs,
-    )
-    result = run(
-        images, board, intrinsics=flags.intrinsics, timestamps=flags.timestamps, options=options, progress=Bars()
-    )
+    if not output.name.endswith(FORMAT.file_endings):
+        raise FileError(f"{output}: the name of the calibration must end in {choices(FORMAT.file_endings)}.")
+    check_new_files([output], overwrite=overwrite)
+    result = run(images, board, intrinsics=intrinsics, timestamps=timestamps, options=options, progress=Bars())
     describe(result)
-    write_as(form, result.rig, output)
-    note(f"Wrote {output} in the format {form.name}.")
+    write(result.rig, output)
+    note(f"Wrote {output} in the format {FORMAT.name}")
 
 
 def describe(result: BoardCalibration) -> None:

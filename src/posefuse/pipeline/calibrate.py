@@ -1,12 +1,13 @@
 """Calibrate cameras from images of a board: find images, detect corners, align times, calibrate."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 
+from posefuse.arguments import checked
 from posefuse.calibration.boards.calibration import BoardCalibration, calibrate_board
 from posefuse.errors import CalibrationError, choices
 from posefuse.io.board_images import find_images
@@ -16,31 +17,14 @@ from posefuse.io.timestamps import Timestamps, find, read_timestamps
 from posefuse.model.board import Board
 from posefuse.model.cameras import Camera, CameraRig, LensModel
 from posefuse.model.detections import Detections
+from posefuse.model.options.calibration import CalibrateOptions
 from posefuse.model.view_names import matching_name
 from posefuse.pipeline.detect_board import ViewCorners, detect_board
 from posefuse.preprocess.timeline import align_views
 from posefuse.progress import Progress, Silent
 
 
-@dataclass(frozen=True)
-class CalibrateOptions:
-    """Options of a calibration by a board.
-
-    Attributes:
-        refine_intrinsics: Adjust given lenses, too.
-        lens: Lens model of estimated lenses; None chooses the one that predicts held-out images best.
-        origin_frame: Frame whose board defines the world; None for the world of the first camera.
-        every: Interval of the images of a video that are examined.
-        jobs: Number of processes; None for one per core.
-    """
-
-    refine_intrinsics: bool = False
-    lens: LensModel | None = None
-    origin_frame: int | None = None
-    every: int = 1
-    jobs: int | None = None
-
-
+@checked
 def calibrate(
     images: str | Path,
     board: Board | str | Path,
@@ -83,7 +67,7 @@ def calibrate(
         {view.name: view.size_px for view in found},
         intrinsics=_lenses(known, found),
         refine_intrinsics=options.refine_intrinsics,
-        lens=options.lens,
+        lens=None if options.lens is None else LensModel(options.lens),
         origin_frame=options.origin_frame,
     )
     return replace(result, rig=_with_notes(result))
@@ -168,7 +152,7 @@ def _lenses(known: CameraRig | None, views: Sequence[ViewCorners]) -> dict[str, 
         out[view.name] = replace(camera, name=view.name)
     if not out:
         raise CalibrationError(
-            f"--intrinsics names none of the cameras {choices([view.name for view in views])}; it has "
+            f"`intrinsics` names none of the cameras {choices([view.name for view in views])}; it has "
             f"{choices(known.names)}."
         )
     return out

@@ -82,7 +82,7 @@ def estimate_intrinsics(
     if chosen.n_points < MIN_IMAGES:
         raise CalibrationError(
             f"Camera {name!r} shows the board in {chosen.n_points} images; its lens needs at least {MIN_IMAGES}. Film "
-            "the board close to this camera, at different angles, or give the lens with --intrinsics FILE."
+            "the board close to this camera, at different angles, or give the lens with `intrinsics`."
         )
     start = _first_camera(name, size_px, board, chosen)
     few = chosen.select_poses(spread_poses(chosen, size_px, _MAX_FOLD_IMAGES))
