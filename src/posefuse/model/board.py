@@ -6,6 +6,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from posefuse.arguments import checked
 from posefuse.arrays import frozen
 from posefuse.errors import CalibrationError, choices, suggestion
 from posefuse.skeleton.skeletons import Skeleton
@@ -20,6 +21,7 @@ APRILTAG_DICTIONARIES = ("APRILTAG_16h5", "APRILTAG_25h9", "APRILTAG_36h10", "AP
 _DEFAULT_DICTIONARY = {"charuco": "4X4_50", "aruco": "4X4_50", "apriltag": "APRILTAG_36h11", "checkerboard": ""}
 
 
+@checked
 @dataclass(frozen=True)
 class Board:
     """A calibration board.

@@ -27,6 +27,7 @@ OTHER_TEXT = {
 """Files whose texts contain flags that are not arguments of posefuse, or that only the command line writes."""
 
 OTHER_ARGUMENTS = {
+    "intrinsics",
     "accept_findings", "also", "angle", "calibration", "figure", "format", "input", "jobs", "keypoints", "output",
     "overwrite", "path", "save", "scheduler", "sync", "timestamps", "videos",
 }  # fmt: skip
