@@ -3,7 +3,7 @@
 import re
 from html import escape
 
-_NAMED = re.compile(r"`([^`<>]+)`")
+_NAMED = re.compile(r"(?<!`)`([a-z][a-z0-9_.]*(?:=[^`]*)?)`(?!`)")
 
 
 def message_html(text: str) -> str:
