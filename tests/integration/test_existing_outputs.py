@@ -7,7 +7,7 @@ until it is.
 import os
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -32,11 +32,15 @@ Arguments = tuple[object, ...]
 
 @dataclass(frozen=True)
 class Inputs:
-    """Inputs of all commands: a recording with its truth, a result, edits, videos of a board."""
+    """Inputs of all commands: a recording with its truth, one with late views, a result, edits, videos of a board."""
 
     recording: Path
     result: Path
     edits: Path
+
+    @property
+    def late(self) -> Path:
+        return self.edits.parent / "late"
 
     @property
     def board_videos(self) -> Path:
@@ -59,7 +63,7 @@ REFUSES: dict[str, Callable[[Inputs], Arguments]] = {
     "convert -o": lambda given: (given.result, "-o", "out.trc"),
     "evaluate": lambda given: (given.result, given.truth),
     "compare": lambda given: (given.recording, "--methods", "simple,midpoint", "--no-timing", *FAST, "-o", "out"),
-    "sync": lambda given: (given.recording, "--keypoints", given.recording / "keypoints.nc"),
+    "sync": lambda given: (given.late, "--keypoints", given.late / "keypoints.nc"),
     "calibrate-noise": lambda given: (given.recording, "--end-s", 0.4),
     "board": lambda _: ("-o", "out.pdf"),
     "calibrate": lambda given: (
@@ -104,6 +108,9 @@ def made(tmp_path_factory) -> Inputs:
     given = Inputs(folder / "recording", folder / "result", folder / "edits.toml")
     given.recording.mkdir()
     write_scene(posefuse.simulate(SceneOptions(duration_s=2.0, cameras=4, detector=CLEAN)), given.recording)
+    given.late.mkdir()
+    late = SceneOptions(duration_s=4.0, cameras=4, detector=replace(CLEAN, max_offset_s=0.3))
+    write_scene(posefuse.simulate(late), given.late)
     options = posefuse.Options(solve="frame", pairs="labels", end_s=0.4)
     posefuse.reconstruct_recording(given.recording, given.result, options)
     given.edits.write_text(RENAME)

@@ -98,7 +98,7 @@ def test_nested_compression_and_external_data_are_refused(result, tmp_path):
     path = tmp_path / "points3d.h5"
 
     def fresh() -> h5py.File:
-        posefuse.write(result, path, "sleap")
+        posefuse.write(result, path, "sleap", overwrite=True)
         return h5py.File(path, "a")
 
     with fresh() as file:

@@ -118,7 +118,7 @@ class TestPipeline:
         ({"floor_points_m": (1.0,)}, "9 finite numbers"),
         ({"origin_m": (1.0, 2.0, 3.0), "origin": "subject"}, "exclude each other"),
         ({"floor": "feat"}, "Did you mean 'feet'"),
-        ({"height_m": -1.0}, "must be a finite number above 0 m"),
+        ({"height_m": -1.0}, "must be a finite number above 0 and at most 100 m"),
         ({"height_m": 1.7, "length_m": 0.4, "length_between": ("a", "b")}, "one of them"),
     ],
 )

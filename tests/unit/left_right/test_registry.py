@@ -21,7 +21,7 @@ def test_tables_agree_with_the_options():
         ({"facing": "0,0,0"}, "three numbers"),
         ({"swap_share": 0.5}, "between 0 and 0.5, exclusive, got 0.5"),
         ({"swap_duration_s": 0.0}, "swap_duration_s must be a finite number above 0"),
-        ({"iterations": 0}, "iterations must be an integer of at least 1"),
+        ({"iterations": 0}, "iterations must be an integer from 1 to 1000"),
     ],
 )
 def test_invalid_options_are_errors(options, words):

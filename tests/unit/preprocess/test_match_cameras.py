@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from posefuse.errors import MatchError
+from posefuse.errors import MatchError, OptionsError
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
@@ -44,7 +44,11 @@ class TestMatching:
         rig, _, _ = match_views(named(ring(2), "left", "right"), views("0", "1"), order)
         assert rig.names == ("right", "left")
 
-    @pytest.mark.parametrize("order", [("left",), ("left", "left"), ("left", "rihgt")])
+    def test_options_name_a_camera_once(self):
+        with pytest.raises(OptionsError, match="camera_order must not name anything twice, got left"):
+            Options(camera_order=("left", "left"))
+
+    @pytest.mark.parametrize("order", [("left",), ("left", "rihgt")])
     def test_camera_order_must_name_each_camera_once(self, order):
         with pytest.raises(MatchError, match="camera_order must name one|Did you mean 'right'"):
             match_views(named(ring(2), "left", "right"), views("0", "1"), Options(camera_order=order))

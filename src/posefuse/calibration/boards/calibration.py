@@ -57,7 +57,7 @@ class BoardCalibration:
         error_px: root mean square distance between projected and detected corners of all views.
         n_corners: number of corners.
         n_frames: number of frames with the board.
-        shared: shape (view, view): number of frames that two cameras share.
+        shared: shape (view, other): number of frames that two cameras share, for every pair of views.
         solution: cameras in the world of the reference camera, and poses of the board.
     """
 

@@ -251,8 +251,8 @@ def test_sds_weights_are_options():
         (lambda: PairOptions(seed=-1), "pair_search.seed must be an integer of at least 0"),
         (lambda: SdsOptions(ray_weight=-1.0), "pair_search.sds.ray_weight must be a finite number of at least 0"),
         (lambda: SdsOptions(jitter_mm=0.0), "pair_search.sds.jitter_mm must be a finite number above 0"),
-        (lambda: SdsOptions(agents=1), "pair_search.sds.agents must be an integer of at least 2"),
-        (lambda: SdsOptions(max_iterations=0), "pair_search.sds.max_iterations must be an integer of at least 1"),
+        (lambda: SdsOptions(agents=1), "pair_search.sds.agents must be an integer from 2 to 10000"),
+        (lambda: SdsOptions(max_iterations=0), "pair_search.sds.max_iterations must be an integer from 1 to"),
     ],
 )
 def test_invalid_options_are_errors(make, message):
