@@ -113,4 +113,4 @@ def _caption(axes: Any, board: Board, top: float) -> None:
     for at in (0.0, length):
         axes.add_patch(Rectangle((at - 0.0002, top - 0.001), 0.0004, 0.0026, facecolor="black", edgecolor="none"))
     text = f"{1000 * length:.0f} mm when printed at 100 %   {board}"
-    axes.text(0.0, top + 0.003, text, fontsize=5, va="top", ha="left")
+    axes.text(0.0, top + 0.003, text, fontsize=7, va="top", ha="left")
