@@ -7,12 +7,11 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from posefuse.errors import FileError, MatchError, OptionsError, choices
+from posefuse.io.videos.reader import VIDEO_ENDINGS
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
-
-_SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm", ".mpg", ".mts")
 
 Videos = Annotated[
     tuple[str, ...],
@@ -55,7 +54,7 @@ def _of_folder(rig: CameraRig, folder: Path) -> dict[str, Path]:
             f"--video {folder}: expected CAMERA=FILE, such as {rig.names[0]}={folder}, or a folder of videos. "
             f"The cameras are {choices(rig.names, 30)}."
         )
-    files = sorted(entry for entry in folder.iterdir() if entry.suffix.lower() in _SUFFIXES)
+    files = sorted(entry for entry in folder.iterdir() if entry.suffix.lower() in VIDEO_ENDINGS)
     by_name: dict[str, list[Path]] = {}
     for file in files:
         by_name.setdefault(plain_name(file.stem), []).append(file)

@@ -9,9 +9,8 @@ import numpy as np
 from posefuse.errors import FileError, RecordingError
 from posefuse.io.files import must_exist, natural_key
 from posefuse.io.videos.library import import_pyav
-from posefuse.io.videos.reader import open_video
+from posefuse.io.videos.reader import VIDEO_ENDINGS, open_video
 
-VIDEO_ENDINGS = (".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm", ".mpg", ".mts")
 PICTURE_ENDINGS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp")
 _MAX_DEPTH = 3
 

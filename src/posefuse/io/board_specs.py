@@ -21,7 +21,7 @@ from posefuse.model.board import BOARD_KINDS, Board
 EXAMPLE = "charuco:7x5,square=30mm,marker=0.75,dict=4X4_50"
 
 _UNITS_M = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "inch": 0.0254}
-_LENGTH = re.compile(r"([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(mm|cm|m|inch|in)")
+_LENGTH = re.compile(r"([0-9]+(?:\.[0-9]*)?(?:[eE][-+]?[0-9]+)?)\s*(mm|cm|m|inch|in)")
 _SIZE = re.compile(r"(\d+)x(\d+)")
 _WORDS = ("square", "marker", "gap", "dict", "inverted", "legacy")
 

@@ -18,6 +18,7 @@ _FAMILIES = {"4X4": 16, "5X5": 25, "6X6": 36, "7X7": 49}
 _SIZES = (50, 100, 250, 1000)
 ARUCO_DICTIONARIES = (*(f"{family}_{size}" for family in _FAMILIES for size in _SIZES), "ARUCO_ORIGINAL")
 APRILTAG_DICTIONARIES = ("APRILTAG_16h5", "APRILTAG_25h9", "APRILTAG_36h10", "APRILTAG_36h11")
+_MOST = 100
 _DEFAULT_DICTIONARY = {"charuco": "4X4_50", "aruco": "4X4_50", "apriltag": "APRILTAG_36h11", "checkerboard": ""}
 
 
@@ -59,9 +60,11 @@ class Board:
         if self.kind not in BOARD_KINDS:
             raise CalibrationError(f"A board has no kind {self.kind!r}. Choose one of: {choices(BOARD_KINDS)}.")
         fewest = {"charuco": 2, "checkerboard": 2, "aruco": 1, "apriltag": 1}[self.kind]
-        if min(self.columns, self.rows) < fewest or self.columns * self.rows < 2:
+        sizes = (self.columns, self.rows)
+        if min(sizes) < fewest or max(sizes) > _MOST or self.columns * self.rows < 2:
             raise CalibrationError(
-                f"A {self.kind} board needs at least {fewest} columns and rows, got {self.columns} x {self.rows}."
+                f"A board of kind {self.kind!r} has {fewest} to {_MOST} columns and rows and more than one cell, got "
+                f"{self.columns} x {self.rows}."
             )
         for name, value, most in (
             ("square_m", self.square_m, 10.0),

@@ -63,6 +63,7 @@ def test_files_of_other_programs(text, expected, tmp_path):
         ("charuco:45,square=5mm", "needs a size such as 7x5"),
         ("charuco:4x5", "needs the side of a square"),
         ("charuco:4x5,square=54", "a length with its unit"),
+        ("charuco:4x5,square=1.2.3mm", "a length with its unit"),
         ("charuco:4x5,square=5mm,marker=big", "a share such as 0.75"),
         ("charuco:4x5,square=5mm,colour=red", "no property 'colour'"),
     ],

@@ -38,7 +38,8 @@ def test_corners_run_along_the_rows():
     ("values", "message"),
     [
         (("chess", 4, 5, 0.05), "no kind 'chess'"),
-        (("charuco", 1, 5, 0.05), "at least 2 columns"),
+        (("charuco", 1, 5, 0.05), "has 2 to 100 columns and rows"),
+        (("checkerboard", 99_999, 99_999, 0.05), "has 2 to 100 columns and rows"),
         (("charuco", 4, 5, 54.0), "square_m of a board must be above 0 and below 10"),
         (("charuco", 4, 5, float("nan")), "square_m"),
         (("charuco", 4, 5, 0.05, 1.5), "marker of a board"),

@@ -1,4 +1,4 @@
-"""How accurate a calibration by a board is: held-out images, and distances on the board."""
+"""Accuracy of a calibration by a board: distances between corners that are triangulated without its shape."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,8 @@ import numpy as np
 from posefuse.calibration.boards.extrinsics import BoardSolution
 
 _MIN_VIEWS = 2
-_MAX_PAIRS = 20_000
+_STEPS = 5
+_DAMPING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ class Distances:
 
 
 def board_distances(solution: BoardSolution) -> Distances:
-    """Triangulate every corner of its own, without the shape of the board, and compare distances with the board."""
+    """Triangulate every corner on its own, without the shape of the board, and compare distances with the board."""
     model, seen = solution.model, solution.model.observations
     points = _triangulated(solution)
     shares: list[np.ndarray] = []
@@ -51,22 +52,18 @@ def _triangulated(solution: BoardSolution) -> np.ndarray:
     used, number = np.unique(index, return_inverse=True)
     views = np.zeros((len(used), model.n_views), dtype=bool)
     views[number, seen.view] = True
+    enough = views.sum(axis=1) >= _MIN_VIEWS
     change = np.zeros((len(used), 3))
-    weight_scale = solution.scale
-    for _ in range(5):
-        residual, by_point = model.point_rows(change[number], weight_scale)
+    for _ in range(_STEPS):
+        residual, by_point = model.point_rows(change[number], solution.scale)
         matrix, gradient = np.zeros((len(used), 3, 3)), np.zeros((len(used), 3))
         np.add.at(matrix, number, by_point.transpose(0, 2, 1) @ by_point)
         np.add.at(gradient, number, (residual[:, None] @ by_point)[:, 0])
-        enough = views.sum(axis=1) >= _MIN_VIEWS
         matrix[~enough] = np.eye(3)
-        step = np.linalg.solve(
-            matrix + 1e-9 * np.eye(3) * np.trace(matrix, axis1=1, axis2=2)[:, None, None], -gradient[:, :, None]
-        )
+        damping = _DAMPING * np.trace(matrix, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+        step = np.linalg.solve(matrix + damping, -gradient[:, :, None])
         change[enough] += step[enough, :, 0]
     out = np.full((seen.n_points, n, 3), np.nan)
-    kept = used[views.sum(axis=1) >= _MIN_VIEWS]
-    places = model.corner_places()
-    flat = out.reshape(-1, 3)
-    flat[kept] = places.reshape(-1, 3)[kept] + change[views.sum(axis=1) >= _MIN_VIEWS]
+    kept = used[enough]
+    out.reshape(-1, 3)[kept] = model.corner_places().reshape(-1, 3)[kept] + change[enough]
     return out

@@ -1,7 +1,6 @@
 """Corners of a board as observations of a bundle adjustment."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -40,13 +39,6 @@ class CornerObservations:
         """Return the number of poses."""
         return len(self.frame)
 
-    @cached_property
-    def seen(self) -> np.ndarray:
-        """Whether a view sees a pose, shape (pose, view), bool; as many columns as the highest view needs."""
-        out = np.zeros((self.n_points, int(self.view.max(initial=-1)) + 1), dtype=bool)
-        out[self.point, self.view] = True
-        return out
-
     def select_poses(self, chosen: np.ndarray) -> Self:
         """Return some of the poses; ``chosen`` has shape (pose,), bool."""
         used = chosen[self.point]
@@ -65,18 +57,6 @@ class CornerObservations:
         seen[self.point[rows]] = True
         own = self._rows(rows)
         return replace(own, view=np.zeros(len(own.view), dtype=np.int64)).select_poses(seen)
-
-    def of_views(self, views: list[int]) -> Self:
-        """Return the corners of some views, numbered in the given order, without poses that none of them sees."""
-        number = np.full(int(self.view.max(initial=-1)) + 1, -1)
-        number[views] = np.arange(len(views))
-        used = number[self.view] >= 0
-        seen = np.zeros(self.n_points, dtype=bool)
-        seen[self.point[used]] = True
-        own = self._rows(used)
-        own = replace(own, view=number[own.view]).select_poses(seen)
-        order = np.lexsort((own.view, own.point))
-        return own._rows(order)
 
     def closest(self, offset_s: np.ndarray) -> Self:
         """Return the corners assigned to the poses closest in time to their images.

@@ -13,6 +13,8 @@ from posefuse.io.videos.library import import_pyav
 
 PixelFormat = Literal["rgb24", "gray"]
 
+VIDEO_ENDINGS = (".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm", ".mpg", ".mts")
+
 _QUARTER_DEG = 90
 _MIN_SEEK_S = 5.0
 
