@@ -19,10 +19,10 @@ from scipy.signal import lfilter
 from scipy.special import gammaincinv, ndtr
 
 from benchmarks.fault_scenes import placed
-from posefuse.calibration.joint.equations import JointParameters
-from posefuse.calibration.joint.estimate import JointEstimate, difference, estimate
+from posefuse.calibration.joint.estimate import JointEstimate, estimate
+from posefuse.calibration.joint.parameters import JointParameters, difference
 from posefuse.calibration.joint.recording import JointRecording
-from posefuse.model.cameras import rotation_from_vector
+from posefuse.model.cameras import CameraRig, rotation_from_vector
 from posefuse.skeleton.skeletons import find_skeleton
 from posefuse.synthetic.figures import human
 from posefuse.synthetic.motions import HumanMotion
@@ -38,6 +38,7 @@ _MAX_ROTATION_DEG, _RATE_HZ = 2.0, 25.0
 _SCALE_PX, _TAILS = 4.5 * 1.92, 2.7
 _SLOW, _FAST_S, _SLOW_S = 0.45, 0.13, 8.0
 _OUTLIERS = 0.01
+_USUAL_CONFIDENCE, _STILL = 0.79, 1e-6
 
 
 @dataclass(frozen=True)
@@ -73,16 +74,9 @@ def compare(joint: JointEstimate, truth: np.ndarray) -> Trial:
 
 def simulate(person: Person, duration_s: float, rng: np.random.Generator) -> tuple[JointRecording, np.ndarray]:
     """Return a recording and the true change of every view from its calibration."""
-    rig = build_rig("ring", int(rng.integers(4, 6)), radius_m=5.0)
-    rig = replace(rig, cameras=tuple(placed(camera, rng) for camera in rig.cameras))
-    n, skeleton, figure = len(rig), find_skeleton("halpe_26"), human(float(rng.uniform(1.55, 1.9)))
-    time_s = np.arange(round(duration_s * _RATE_HZ)) / _RATE_HZ
-    motion = HumanMotion.random((_ACTIVITY[person],), rng)
-    points = motion.positions(figure, time_s + 0.5)[:, figure.columns(skeleton)]
-    if person == "balances":
-        points = points + _sway(time_s, rng)[:, None] * points[:, :, 2:] / figure_height(points)
-    exact = rig.project(points)
-    pixels, sigma = detect(exact, rng)
+    rig, time_s, points = scene(person, duration_s, rng)
+    n = len(rig)
+    pixels, sigma = detect(rig.project(points), rng)
     focal = np.array([camera.matrix[0, 0] for camera in rig.cameras])
     middle = np.array([camera.matrix[:2, 2] for camera in rig.cameras])
     turns = [_rotation(rng) for _ in range(n)]
@@ -102,6 +96,48 @@ def simulate(person: Person, duration_s: float, rng: np.random.Generator) -> tup
     return recording, difference(
         JointParameters(given, centers, still, still), JointParameters(true, centers, still, still)
     )
+
+
+def scene(person: Person, duration_s: float, rng: np.random.Generator) -> tuple[CameraRig, np.ndarray, np.ndarray]:
+    """Return cameras, times, and exact keypoints, shape (frame, keypoint, 3)."""
+    rig = build_rig("ring", int(rng.integers(4, 6)), radius_m=5.0)
+    rig = replace(rig, cameras=tuple(placed(camera, rng) for camera in rig.cameras))
+    skeleton, figure = find_skeleton("halpe_26"), human(float(rng.uniform(1.55, 1.9)))
+    time_s = np.arange(round(duration_s * _RATE_HZ)) / _RATE_HZ
+    motion = HumanMotion.random((_ACTIVITY[person],), rng)
+    points = motion.positions(figure, time_s + 0.5)[:, figure.columns(skeleton)]
+    if person == "balances":
+        points = points + _sway(time_s, rng)[:, None] * points[:, :, 2:] / figure_height(points)
+    return rig, time_s, points
+
+
+def bounds(person: Person, duration_s: float, seed: int) -> tuple[float, float]:
+    """Return the Cramer-Rao bounds of a view's time offset in ms and its drift in ppm; infinite without movement.
+
+    They are those of an oracle that knows all movements, all poses and the other clocks, so no estimator is better.
+    """
+    rig, time_s, points = scene(person, duration_s, np.random.default_rng([seed, 77]))
+    pixels = rig.project(points)[:, 0].reshape(len(time_s), -1)
+    slope = np.asarray(np.gradient(pixels, time_s, axis=0)) * _USUAL_CONFIDENCE / _SCALE_PX
+    lag_s = np.abs(time_s[:, None] - time_s)
+    correlation = (1.0 - _SLOW) * np.exp(-lag_s / _FAST_S) + _SLOW * np.exp(-lag_s / _SLOW_S)
+    late = np.stack([slope, slope * (time_s - time_s.mean())[:, None]])
+    solved = np.linalg.solve(correlation, np.concatenate(late, axis=1))
+    halves = np.stack(np.split(solved, 2, axis=1))
+    information = np.einsum("atc,btc->ab", late, halves) * (_TAILS + 2.0) / (_TAILS + 4.0)
+    if np.abs(slope).max() < _STILL:
+        return np.inf, np.inf
+    sd = np.sqrt(np.diag(np.linalg.inv(information)))
+    return float(1e3 * sd[0]), float(1e6 * sd[1])
+
+
+def print_bounds() -> None:
+    """Print one row per person and duration."""
+    print("| person | s | offset, ms | drift, ppm |\n|---|---|---|---|")
+    for person in PEOPLE:
+        for duration_s in DURATIONS_S:
+            offset, drift = np.median([bounds(person, duration_s, seed) for seed in range(5)], axis=0)
+            print(f"| {person} | {duration_s:g} | {offset:.2g} | {drift:.2g} |", flush=True)
 
 
 def figure_height(points_m: np.ndarray) -> float:
@@ -124,27 +160,32 @@ def _rotation(rng: np.random.Generator) -> np.ndarray:
     return axis * np.radians(rng.uniform(0.0, _MAX_ROTATION_DEG)) / np.linalg.norm(axis)
 
 
-def detect(exact_px: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def detect(exact_px: np.ndarray, rng: np.random.Generator, rate_hz: float = _RATE_HZ) -> tuple[np.ndarray, np.ndarray]:
     """Return detected pixels, shape (frame, view, keypoint, 2), and their expected noise."""
     shape = exact_px.shape[:3]
-    level = rng.normal(1.4, 0.4, shape[1:]) + _decaying(shape, 0.25, rng)
+    level = rng.normal(1.4, 0.4, shape[1:]) + _decaying(shape, 0.25, rng, rate_hz)
     sigma = _SCALE_PX / (0.15 + 0.82 / (1.0 + np.exp(-level)))
-    chi_square = 2.0 * gammaincinv(_TAILS / 2.0, ndtr(correlated_errors(shape, rng)))
-    pixels = exact_px + (sigma / np.sqrt(chi_square / _TAILS))[..., None] * correlated_errors((*shape, 2), rng)
+    chi_square = 2.0 * gammaincinv(_TAILS / 2.0, ndtr(correlated_errors(shape, rng, rate_hz=rate_hz)))
+    errors = correlated_errors((*shape, 2), rng, rate_hz=rate_hz)
+    pixels = exact_px + (sigma / np.sqrt(chi_square / _TAILS))[..., None] * errors
     angle = rng.uniform(0.0, 2 * np.pi, shape)
     thrown = (rng.random(shape) < _OUTLIERS) * rng.uniform(30.0, 300.0, shape)
     return pixels + thrown[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1), sigma
 
 
-def correlated_errors(shape: tuple[int, ...], rng: np.random.Generator, slow_share: float = _SLOW) -> np.ndarray:
+def correlated_errors(
+    shape: tuple[int, ...], rng: np.random.Generator, slow_share: float = _SLOW, rate_hz: float = _RATE_HZ
+) -> np.ndarray:
     """Return normal numbers with a fast and a slow part, correlated along the first axis."""
-    fast, slow = _decaying(shape, _FAST_S, rng), _decaying(shape, _SLOW_S, rng)
+    fast, slow = _decaying(shape, _FAST_S, rng, rate_hz), _decaying(shape, _SLOW_S, rng, rate_hz)
     return np.sqrt(1.0 - slow_share) * fast + np.sqrt(slow_share) * slow
 
 
-def _decaying(shape: tuple[int, ...], reach_s: float, rng: np.random.Generator) -> np.ndarray:
+def _decaying(
+    shape: tuple[int, ...], reach_s: float, rng: np.random.Generator, rate_hz: float = _RATE_HZ
+) -> np.ndarray:
     """Return normal numbers whose correlation decays exponentially along the first axis."""
-    rho = np.exp(-1.0 / (_RATE_HZ * reach_s))
+    rho = np.exp(-1.0 / (rate_hz * reach_s))
     white = rng.standard_normal(shape)
     white[1:] *= np.sqrt(1.0 - rho * rho)
     return np.asarray(lfilter([1.0], [1.0, -rho], white, axis=0))
@@ -180,7 +221,11 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="seed of the first trial")
     parser.add_argument("--log", type=Path, default=Path("clock_coverage.jsonl"), help="log; read if it exists")
     parser.add_argument("--summary", action="store_true", help="print the table of the log only")
+    parser.add_argument("--bounds", action="store_true", help="print the bounds of clocks only")
     arguments = parser.parse_args()
+    if arguments.bounds:
+        print_bounds()
+        return
     log = [json.loads(line) for line in arguments.log.read_text().splitlines()] if arguments.log.exists() else []
     done = {(r["person"], r["duration_s"], r["seed"]) for r in log}
     cases: list[tuple[Person, float, int]] = [

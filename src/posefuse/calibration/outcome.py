@@ -1,6 +1,6 @@
 """Result of a refinement: the cameras before and after, and the change of each."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from posefuse.arguments import checked
@@ -46,6 +46,19 @@ class CameraOutcome:
     shift_sd_m: float
     focal_share: float
     focal_sd: float
+
+
+def with_slow_errors(camera: CameraOutcome, turn_sd_deg: float, shift_sd_m: float) -> CameraOutcome:
+    """Return the outcome of a refined camera with at least the standard deviations of the joint estimate.
+
+    Those of the adjustment come from the variation between parts of the recording, which does not show errors that last
+    for all of it.
+    """
+    if camera.role != "refined":
+        return camera
+    return replace(
+        camera, turn_sd_deg=max(camera.turn_sd_deg, turn_sd_deg), shift_sd_m=max(camera.shift_sd_m, shift_sd_m)
+    )
 
 
 @checked

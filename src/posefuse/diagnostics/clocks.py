@@ -25,7 +25,7 @@ def find(examination: Examination) -> tuple[Finding, ...]:
         choices = verdict.of(view, CLOCK_KINDS)
         if dropped is not None:
             findings.append(_dropped_frames(examination, verdict, view, dropped))
-        elif choices:
+        elif choices or verdict.rate_error[view]:
             findings.append(_clock(examination, verdict, view, choices))
     return tuple(findings)
 
@@ -42,8 +42,8 @@ def _offset_frames(examination: Examination, verdict: Verdict, view: int) -> np.
     """Return the time offset of a view at the samples, shape (sample,), in frames."""
     assert examination.fine is not None
     time_s = examination.observations.frame_time_s[examination.fine.final.model.frames]
-    linear = verdict.change[view, 6] + verdict.change[view, 7] * (time_s - verdict.estimate.middle_s)
-    return (linear + verdict.steps_s[:, view]) / examination.observations.period_s
+    offset_s, drift = (float(value) for value in verdict.change[view, 6:8])
+    return verdict.offsets_s(view, time_s, offset_s, drift) / examination.observations.period_s
 
 
 def _cameras(examination: Examination, view: int) -> tuple[tuple[str, ...], str]:
@@ -60,10 +60,13 @@ def _clock(examination: Examination, verdict: Verdict, view: int, choices: tuple
     offset, sd = _offset_frames(examination, verdict, view), verdict.sd[view, 6] / period_s
     kinds = {choice.explanation.kind: choice for choice in choices}
     gain = sum(choice.gain for choice in choices)
+    assert examination.coarse is not None
+    gain += 0.5 * sum(c.score for c in examination.coarse.corrections if (c.kind, c.view) == ("rate", view))
     rivals = [2.0 * choice.gain for choice in choices for _ in choice.rivals]
     certainty = certainty_of(max(100.0 if not rivals else 0.0, 2.0 * gain), rivals)
-    if "rate" in kinds:
-        error = kinds["rate"].explanation.rate_error
+    if "rate" in kinds or verdict.rate_error[view]:
+        error = 1.0 + verdict.rate_error[view]
+        error = float(error * (1.0 + (kinds["rate"].explanation.rate_error if "rate" in kinds else 0.0)) - 1.0)
         rate = 1.0 / period_s
         size, unit, sd, kind = 1e6 * error, "ppm", float(1e6 * verdict.estimate.sd[view, 7]), FindingKind.FRAME_RATE
         sentence = f"{label} has a wrong frame rate: about {rate / (1.0 + error):.4g} instead of {rate:.4g} Hz."

@@ -5,7 +5,7 @@ Each candidate correction is scored by how well the view then agrees with the ot
 disagree are tested, so a fault-free recording costs one table of disagreements.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations, permutations
 
@@ -15,6 +15,7 @@ from posefuse.diagnostics import epipolar
 from posefuse.diagnostics.best_order import best_order
 from posefuse.diagnostics.camera_resection import resect_camera
 from posefuse.diagnostics.epipolar import PosedView, disagreement, disagreement_table, posed_view
+from posefuse.diagnostics.frame_rates import RATE_ERRORS, with_rate_error
 from posefuse.diagnostics.normalized_views import normalize_views
 from posefuse.diagnostics.observations import TrackedObservations
 from posefuse.diagnostics.recording_model import ImageTransform, RecordingModel
@@ -29,6 +30,8 @@ _SUSPECT_MARGIN = 0.04
 _MIN_GAIN = 0.05
 _EQUAL_GAIN = 0.02
 _MIN_LOG_ZOOM = 0.08
+_RATE_STRIDE = 3
+"""Steps between the tested time offsets at the start."""
 _SCAN_STRIDE = 3
 """Scan values on every third sample only."""
 _MIN_IMAGE_GAIN = 0.2
@@ -44,11 +47,12 @@ class CoarseCorrection:
     """Describe one gross fault and its correction.
 
     Attributes:
-        kind: ``image``, ``swap``, ``offset``, ``focal``, ``order`` or ``pose``.
+        kind: ``image``, ``swap``, ``offset``, ``rate``, ``focal``, ``order`` or ``pose``.
         view: index of the view; -1 if all views are affected or several exchange cameras.
         model: recording model with the correction.
         before: disagreement of the view with the others before the correction, 0 to 1.
         after: disagreement after it.
+        rate_error: relative error of the frame rate; 0 for other kinds.
     """
 
     kind: str
@@ -56,6 +60,7 @@ class CoarseCorrection:
     model: RecordingModel
     before: float
     after: float
+    rate_error: float = 0.0
 
     @property
     def score(self) -> float:
@@ -184,6 +189,7 @@ class _CandidateSearch:
     def may_examine(self, view: int) -> bool:
         """Return whether the budget allows the search for corrections of a single view, and count it."""
         tried = 30 + len(_COMMON_IMAGE_SCALES) + len(_IMAGE_SCALES) + len(_FOCAL_FACTORS) + 2 * self._reach
+        tried += len(RATE_ERRORS) * (2 * self._reach // _RATE_STRIDE + 1)
         name = self.observations.rig.names[view]
         return self.budget.allow(tried * self.observations.n_views, f"image, focal length and time offset of {name!r}")
 
@@ -218,8 +224,7 @@ class _CandidateSearch:
             if ordered is not None:
                 return ordered
         if views > 2 and _has_core(table):
-            worst_first = sorted(suspects, key=lambda v: -rows[v])
-            examined = sorted(v for v in worst_first if self.may_examine(v))
+            examined = sorted(v for v in sorted(suspects, key=lambda v: -rows[v]) if self.may_examine(v))
             candidates = [correction for v in examined for correction in self._single_view(model, table, v)]
             chosen = _choose(candidates, level)
             if chosen is not None:
@@ -283,6 +288,22 @@ class _CandidateSearch:
             coarse = best_of("offset", tried)
             fine = [coarse.model.with_offset(v, 0.25 * step * k) for k in range(-3, 4)]
             yield best_of("offset", fine)
+        if _level(table[v]) > AGREES:
+            yield self._other_rate(v, model, best_of)
+
+    def _other_rate(
+        self, v: int, model: RecordingModel, best_of: Callable[[str, list[RecordingModel]], CoarseCorrection]
+    ) -> CoarseCorrection:
+        """Return the best correction of a view's frame rate."""
+        step = self._step_s
+        starts = [step * k for k in range(-self._reach, self._reach + 1, _RATE_STRIDE)]
+        rough = [
+            best_of("rate", [with_rate_error(self.observations, model, v, error, start_s) for start_s in starts])
+            for error in RATE_ERRORS
+        ]
+        place = int(np.argmin([nan_to_inf(each.after) for each in rough]))
+        near = [rough[place].model.with_offset(v, 0.25 * step * k) for k in range(-8, 9)]
+        return replace(best_of("rate", near), rate_error=RATE_ERRORS[place])
 
     def _resected(self, model: RecordingModel, table: np.ndarray, v: int) -> Iterator[CoarseCorrection]:
         """Yield the correction of a view's pose."""

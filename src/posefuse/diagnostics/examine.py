@@ -16,7 +16,8 @@ from posefuse.diagnostics.recording_model import RecordingModel
 from posefuse.diagnostics.sample_points import triangulate_samples
 from posefuse.diagnostics.verdict import judge
 
-_COARSE_SPACING_S, _MAX_COARSE_SAMPLES, _MAX_COARSE_COLUMNS = 0.1, 100, 13
+_COARSE_SPACING_S, _MIN_COARSE_SAMPLES, _MAX_COARSE_COLUMNS = 0.1, 100, 13
+_MAX_COARSE_POINTS = _MIN_COARSE_SAMPLES * _MAX_COARSE_COLUMNS
 _FREQUENT_SWAPS = 0.05
 _MIN_SAMPLES = 8
 _BLOCK_S, _MIN_BLOCKS = 1.0, 12
@@ -62,7 +63,8 @@ def examine(
     if observations.n_views < 2 or len(frames) < _MIN_SAMPLES or not len(observations.keypoint_index):
         return Examination(observations, observations, None, None, np.zeros(observations.n_views), None)
     subset = observations.select_columns(_coarse_columns(len(observations.keypoint_index), observations.mirror_column))
-    coarse_frames = _samples(observations, _COARSE_SPACING_S, _MAX_COARSE_SAMPLES)
+    most = max(_MIN_COARSE_SAMPLES, _MAX_COARSE_POINTS // len(subset.keypoint_index))
+    coarse_frames = _samples(observations, _COARSE_SPACING_S, most)
     coarse = coarse_search.search(subset, coarse_frames, effort.max_offset_s, effort.max_comparisons)
     model = coarse.model.resampled(frames)
     shares, corrected = np.zeros(observations.n_views), observations

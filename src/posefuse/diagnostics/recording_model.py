@@ -104,13 +104,14 @@ class RecordingModel:
         )
 
     def resampled(self, frames: np.ndarray) -> "RecordingModel":
-        """Return the same model at other frames, each with the values of the nearest sample."""
+        """Return the same model at other frames, with the values of the nearest sample, and times interpolated."""
         right = np.clip(np.searchsorted(self.frames, frames), 0, len(self.frames) - 1)
         left = np.maximum(right - 1, 0)
         nearer = np.abs(self.frames[left] - frames) <= np.abs(self.frames[right] - frames)
         place = np.where(nearer, left, right)
-        names = ("rotation", "translation_m", "focal_ratio", "k1_correction", "offset_s")
-        return replace(self, frames=frames, **{name: getattr(self, name)[place] for name in names})
+        names = ("rotation", "translation_m", "focal_ratio", "k1_correction")
+        offsets = _interpolated(self.frames, self.offset_s, frames)
+        return replace(self, frames=frames, offset_s=offsets, **{name: getattr(self, name)[place] for name in names})
 
     def with_camera(self, observations: TrackedObservations, view: int, camera: int) -> "RecordingModel":
         """Return a copy in which the view uses another camera's calibration."""
@@ -170,3 +171,12 @@ class RecordingModel:
 
 def _set(values: tuple, place: int, value: object) -> tuple:
     return (*values[:place], value, *values[place + 1 :])
+
+
+def _interpolated(frames: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return values at other frames by linear interpolation, continued beyond the ends, shape (sample, view)."""
+    if len(frames) < 2:
+        return np.repeat(values[:1], len(at), axis=0)
+    after = np.clip(np.searchsorted(frames, at), 1, len(frames) - 1)
+    share = (at - frames[after - 1]) / (frames[after] - frames[after - 1])
+    return values[after - 1] + share[:, None] * (values[after] - values[after - 1])

@@ -61,6 +61,7 @@ def time_views(examination: Examination, reference: int | None = None) -> tuple[
     clocks, covariance = verdict.clocks()
     n = len(clocks)
     wrong = np.array([bool(verdict.of(v, CLOCK_KINDS)) or bool(_dropped_samples(examination, v)) for v in range(n)])
+    wrong |= verdict.rate_error != 0.0
     relative = np.eye(n)
     if reference is not None:
         relative[:, reference] -= 1.0
@@ -120,7 +121,10 @@ def _rows(
     assert examination.verdict is not None
     verdict, frames = examination.verdict, examination.fine.final.model.frames
     time_s = examination.observations.frame_time_s[frames]
-    offsets_s = offset_s + drift * (time_s - verdict.estimate.middle_s) + verdict.steps_s[:, view]
+    offsets_s = verdict.offsets_s(view, time_s, offset_s, drift)
+    # Rows of the file count the timestamps of the view itself.
+    slope = verdict.slope(view, drift)
+    drift = slope / (1.0 - slope)
     pieces = np.split(np.arange(len(offsets_s)), _dropped_samples(examination, view))
     rows = []
     for number, piece in enumerate(pieces):

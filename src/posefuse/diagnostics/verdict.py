@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.calibration.joint.estimate import PRIOR_SD, JointEstimate, estimate
+from posefuse.calibration.joint.equations import linearize
+from posefuse.calibration.joint.estimate import JointEstimate, estimate, sample_frames
 from posefuse.calibration.joint.evidence import (
     CLOCK_KINDS,
     DRIFT_SD,
@@ -14,16 +15,25 @@ from posefuse.calibration.joint.evidence import (
     Explanation,
     choose,
 )
+from posefuse.calibration.joint.extent import PoseUnits
+from posefuse.calibration.joint.parameters import JointParameters
 from posefuse.calibration.joint.recording import JointRecording
 from posefuse.diagnostics.coarse_search import CoarseResult
 from posefuse.diagnostics.fine_result import FineResult
+from posefuse.diagnostics.frame_rates import growth
 from posefuse.diagnostics.joint_recording import joint_recording
 from posefuse.diagnostics.observations import TrackedObservations
 from posefuse.kernels.calibration.joint import VIEW_PARAMETERS
 
-_WIDE_SD = np.array([*PRIOR_SD[:7], 5e-4])
-"""Prior of what may be wrong; a drift of more than 500 ppm is a frame-rate error or none."""
-_NARROW_SD = np.array([np.radians(0.25)] * 3 + [0.01] * 3 + [PRIOR_SD[6], DRIFT_SD])
+_UNIT_FRAMES = 100
+_MIN_KEYPOINTS = 4
+"""A few keypoints that linger do not show how much of their errors lasts, so nothing is judged by them."""
+_NARROW_SHARE, _FREE_SHARE = 0.25, 5.0
+_LATE_SD_S, _SYNCHRONIZED_SD_S = 1.0, 0.06
+"""Standard deviations of the time offsets of views with a gross offset, and of others: the coarse search finds larger
+ones, and where people hardly move, the estimate would run away."""
+_DRIFT_PRIOR_SD = 5e-4
+"""A drift of more than 500 ppm is a frame-rate error or none."""
 _NO_DRIFT = 1e-7
 
 
@@ -39,6 +49,10 @@ class Verdict:
         steps_s: shape (sample, view): changes of the time offset by dropped frames, without their mean.
         recording: the keypoints it was estimated from.
         max_samples: largest number of frames used.
+        units: sizes of usual faults of the poses.
+        late_sd_s: shape (view,): prior standard deviation of the time offset.
+        rate_error: shape (view,): gross relative errors of the frame rates, not part of ``change``.
+        rate_middle_s: time at which these errors do not shift the view.
     """
 
     estimate: JointEstimate
@@ -48,6 +62,28 @@ class Verdict:
     steps_s: np.ndarray
     recording: JointRecording
     max_samples: int
+    units: PoseUnits
+    late_sd_s: np.ndarray
+    rate_error: np.ndarray
+    rate_middle_s: float
+
+    def slope(self, view: int, drift: float) -> float:
+        """Return the change of a view's time offset per second of true time, by a drift and by its frame rate."""
+        rate = growth(float(self.rate_error[view]))
+        return rate + drift * (1.0 - rate)
+
+    def offsets_s(self, view: int, time_s: np.ndarray, offset_s: float, drift: float) -> np.ndarray:
+        """Return a view's time offset at the samples, shape (sample,).
+
+        Args:
+            view: index of the view.
+            time_s: shape (sample,): true times of the samples.
+            offset_s: offset in the middle of the recording, after correction of the frame rate.
+            drift: likewise.
+        """
+        rate = growth(float(self.rate_error[view]))
+        corrected = offset_s + drift * (time_s - self.estimate.middle_s) + self.steps_s[:, view]
+        return rate * (time_s - self.rate_middle_s) + (1.0 - rate) * corrected
 
     def of(self, view: int, kinds: tuple[str, ...]) -> tuple[Choice, ...]:
         """Return the accepted explanations of some kinds about a view."""
@@ -59,16 +95,33 @@ class Verdict:
         Poses are estimated again with a narrow prior unless they were found wrong, drifts likewise.
         """
         n = len(self.estimate.names)
-        prior_sd = np.tile(_NARROW_SD, (n, 1))
+        prior_sd = _prior_sd(self.units, self.late_sd_s, _NARROW_SHARE)
+        prior_sd[:, 7] = DRIFT_SD
+        wide_sd = _prior_sd(self.units, np.full(n, _LATE_SD_S))
         for choice in self.choices:
             at = slice(0, 6) if choice.explanation.kind in POSE_KINDS else slice(6, 8)
-            prior_sd[choice.explanation.view, at] = _WIDE_SD[at]
+            prior_sd[choice.explanation.view, at] = wide_sd[choice.explanation.view, at]
         if not any(choice.explanation.kind in ("drift", "rate") for choice in self.choices):
             prior_sd[:, 7] = _NO_DRIFT
         joint = estimate(self.recording, self.estimate.parameters, self.max_samples, prior_sd) or self.estimate
         at = [VIEW_PARAMETERS * v + p for p in (6, 7) for v in range(n)]
         drift = joint.change[:, 7:] if prior_sd[0, 7] > _NO_DRIFT else np.zeros((n, 1))
         return np.hstack([joint.change[:, 6:7], drift]), joint.covariance[np.ix_(at, at)]
+
+    def pose_sds(self) -> dict[str, tuple[float, float]]:
+        """Return standard deviations of the pose of every camera, if all poses are unknown: in degrees and in m.
+
+        They allow for errors that last for seconds, and are given in the least certain direction.
+        """
+        prior_sd = _prior_sd(self.units, self.late_sd_s, _FREE_SHARE)
+        joint = estimate(self.recording, self.estimate.parameters, self.max_samples, prior_sd) or self.estimate
+        out = {}
+        for v, name in enumerate(joint.names):
+            first = v * VIEW_PARAMETERS
+            parts = (joint.covariance[a : a + 3, a : a + 3] for a in (first, first + 3))
+            rotation, center_m = (float(np.sqrt(max(np.linalg.eigvalsh(part)[-1], 0.0))) for part in parts)
+            out[name] = float(np.degrees(rotation)), center_m
+        return out
 
 
 def judge(
@@ -101,23 +154,42 @@ def judge(
         for fault in fine.accepted
         if fault.hypothesis.since_block is not None and fault.hypothesis.kind != "dropped"
     }
-    recording, start = joint_recording(observations, model, poses, steps, bumped)
-    joint = estimate(recording, start, max_samples, np.tile(_WIDE_SD, (observations.n_views, 1)))
-    if joint is None:
+    rate_error = np.zeros(observations.n_views)
+    for correction in coarse.corrections:
+        if correction.kind == "rate":
+            rate_error[correction.view] = (1.0 + rate_error[correction.view]) * (1.0 + correction.rate_error) - 1.0
+    recording, start = joint_recording(observations, model, poses, steps, bumped, rate_error)
+    units = _units(recording, start)
+    late_sd_s = np.full(observations.n_views, _SYNCHRONIZED_SD_S)
+    late_sd_s[_late_views(coarse, observations.n_views)] = _LATE_SD_S
+    joint = None if units is None else estimate(recording, start, max_samples, _prior_sd(units, late_sd_s))
+    if joint is None or units is None:
         return None
     checked = fine.final.system.n_checked > 0
-    suspected = {fault.hypothesis.view for fault in fine.accepted} - given - set(bumped)
-    late = {fault.hypothesis.view for fault in fine.accepted} | _late_views(coarse, observations.n_views)
-    choices = tuple(c for c in choose(joint, suspected, late) if checked[c.explanation.view])
+    checked &= len(observations.keypoint_index) >= _MIN_KEYPOINTS
+    choices = tuple(c for c in choose(joint, (*given, *bumped)) if checked[c.explanation.view])
     change, covariance = Comparison(joint).posterior(tuple(c.explanation for c in choices))
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0)).reshape(change.shape)
-    return Verdict(joint, choices, change, sd, steps, recording, max_samples)
+    middle_s = float(0.5 * (observations.frame_time_s[0] + observations.frame_time_s[-1]))
+    return Verdict(joint, choices, change, sd, steps, recording, max_samples, units, late_sd_s, rate_error, middle_s)
 
 
-def _late_views(coarse: CoarseResult, n_views: int) -> set[int]:
+def _units(recording: JointRecording, start: JointParameters) -> PoseUnits | None:
+    """Return the units of pose errors, or None without points that two views observe."""
+    rows = linearize(recording, sample_frames(recording, _UNIT_FRAMES), start, np.ones(recording.n_views))
+    return PoseUnits.of(rows) if rows.seen.any() else None
+
+
+def _prior_sd(units: PoseUnits, late_sd_s: np.ndarray, share: float = 1.0) -> np.ndarray:
+    """Return the prior standard deviations of all changes, shape (view, parameter)."""
+    pose = [share * units.rotation] * 3 + [share * units.center_m] * 3
+    return np.array([[*pose, late_s, _DRIFT_PRIOR_SD] for late_s in late_sd_s])
+
+
+def _late_views(coarse: CoarseResult, n_views: int) -> list[int]:
     """Return the views with a gross time offset."""
-    views = {c.view for c in coarse.corrections if c.kind == "offset"}
-    return set(range(n_views)) if -1 in views else views
+    views = {c.view for c in coarse.corrections if c.kind in ("offset", "rate")}
+    return list(range(n_views)) if -1 in views else sorted(views)
 
 
 def rival_text(verdict: Verdict, choice: Choice) -> str:
@@ -144,6 +216,7 @@ def _name(explanation: Explanation, names: tuple[str, ...]) -> str:
         "drift": "a clock drift",
         "rate": "a wrong frame rate",
         "rotation": "a rotation",
+        "shift": "a shift",
         "pose": "another pose",
     }[explanation.kind]
     return f"{what} of {names[explanation.view]!r}"

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from posefuse.diagnostics.coarse_search import AGREES
 from posefuse.diagnostics.examination import Examination
 from posefuse.model.findings import Finding, FindingKind
 
@@ -12,7 +13,8 @@ def find(examination: Examination) -> tuple[Finding, ...]:
     if coarse is None or coarse.views_agree:
         return ()
     level = float(np.nanmedian(coarse.initial_table)) if np.isfinite(coarse.initial_table).any() else np.nan
-    if not np.isfinite(level):
+    if not level >= AGREES:
+        # Too few pairs share points to agree or to disagree.
         return ()
     names = examination.observations.rig.names
     if len(names) == 2:

@@ -1,5 +1,7 @@
 """Planted faults are identified with their size; fault-free recordings give no findings."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from benchmarks.fault_scenes import FAULTS, USUAL, Fault, healthy, plant
@@ -7,7 +9,7 @@ from benchmarks.faults import is_named, views_of
 
 from posefuse.diagnostics.examine import examine
 from posefuse.diagnostics.registry import list_findings
-from posefuse.model.findings import Finding, FindingKind
+from posefuse.model.findings import CLOCK_FINDINGS, POSE_FINDINGS, Finding, FindingKind
 from posefuse.pipeline.diagnose import inspect_health
 from posefuse.synthetic.options import DetectorOptions
 
@@ -73,11 +75,23 @@ def test_views_without_overlap_are_reported(walk):
             pixels[np.arange(len(pixels)) % pixels.shape[1] != v, v] = np.nan
         return pixels, trust
 
-    from dataclasses import replace
-
     findings = check(replace(walk, after=(apart,)))
     assert [f.kind for f in findings] == [FindingKind.LOW_OVERLAP]
     assert findings[0].size == 0.0
+
+
+def test_few_pairs_that_share_points_are_no_wrong_calibration():
+    """One keypoint, which two cameras always see and six in turns: only one pair shares many points."""
+    walk = healthy(5, cameras=8, duration_s=40.0, rate_hz=25.0, activities=("walk",))
+
+    def in_turns(pixels, trust, rng):
+        seen = rng.random((len(pixels) // 10, pixels.shape[1])) < np.where(np.arange(pixels.shape[1]) < 2, 1.0, 0.35)
+        pixels[~np.repeat(seen, 10, axis=0)] = np.nan
+        pixels[:, :, 1:] = np.nan
+        return pixels, trust
+
+    kinds = {finding.kind for finding in check(replace(walk, after=(in_turns,)))}
+    assert not kinds & {FindingKind.WRONG_CALIBRATION, *POSE_FINDINGS, *CLOCK_FINDINGS}
 
 
 def test_findings_are_ranked_and_have_remedies(walk):

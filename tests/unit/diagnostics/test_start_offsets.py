@@ -42,13 +42,16 @@ def test_all_offsets_are_measured_if_no_two_clocks_agree(offsets):
 
 
 def test_unsynchronized_cameras_are_not_reported_as_moved():
-    """Each of several offsets alone resembles a wrong pose."""
+    """Each of several offsets alone resembles a wrong pose.
+
+    Relative to the majority, only two views are late by more than the usual asynchrony of free-running cameras.
+    """
     scene = with_offsets(
         healthy(1002, duration_s=60.0, rate_hz=RATE_HZ, activities=("walk",)), (-1.4, -0.9, 0.0, 1.5, -0.6, 1.4)
     )
     findings = inspect_health(*scene.watch())
     assert {finding.kind for finding in findings} == {FindingKind.TIME_OFFSET}
-    assert {finding.cameras[0] for finding in findings} >= {"cam_0", "cam_3", "cam_5"}
+    assert {finding.cameras[0] for finding in findings} >= {"cam_3", "cam_5"}
 
 
 def test_views_without_accepted_faults_have_a_standard_deviation():

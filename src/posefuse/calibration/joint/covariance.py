@@ -1,4 +1,4 @@
-"""Covariance of the score under errors that are correlated over time."""
+"""Covariance of the score under errors that are correlated over time, and the information of the keypoints."""
 
 import numpy as np
 
@@ -32,6 +32,30 @@ def score_sds(rows: Rows) -> np.ndarray:
         if known.any():
             out[v] = np.sqrt(squared[known, v].sum() / left[known, v].sum())
     return out
+
+
+def information(
+    basis: np.ndarray, curvature: np.ndarray, spread: np.ndarray, prior: np.ndarray, change: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the information of the keypoints alone, and its product with the most likely changes.
+
+    The information is the inverse of the sandwich without the prior: ``H S^-1 H``. The most likely changes x follow
+    from the estimate with prior P, ``(H + P) change = H x``: neither needs the inverse of a curvature that may be 0.
+
+    Args:
+        basis: shape (parameter, free): directions that the data can determine.
+        curvature: shape (parameter, parameter): H.
+        spread: shape (parameter, parameter): covariance of the score, S.
+        prior: shape (parameter,): inverse variances, P.
+        change: shape (parameter,): estimate.
+    """
+    values, vectors = np.linalg.eigh(basis.T @ curvature @ basis)
+    inside = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    values, vectors = np.linalg.eigh(basis.T @ spread @ basis)
+    half = (vectors / np.sqrt(np.maximum(values, 1e-9 * values[-1] + 1e-300))) @ vectors.T
+    inner = half @ inside
+    whole = inside @ (basis.T @ change) + basis.T @ (prior * change)
+    return inner.T @ inner, inner.T @ (half @ whole)
 
 
 def _decaying(streams: np.ndarray, time_s: np.ndarray, reach_s: float) -> np.ndarray:

@@ -11,45 +11,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from posefuse.calibration.joint.noise_law import STUDENT_T_DOF
+from posefuse.calibration.joint.parameters import JointParameters
 from posefuse.calibration.joint.recording import JointRecording
+from posefuse.calibration.joint.triangulated import student_t_weights, triangulate
+from posefuse.calibration.joint.velocities import support_frames
 from posefuse.kernels.calibration.joint import (
-    VIEW_PARAMETERS,
+    FOCAL,
     joint_rows,
-    linear_points,
-    refine_points,
     second_derivatives,
 )
-from posefuse.model.cameras import rotation_from_vector
 
-_REACH_S = 0.1
-_POINT_STEPS = 3
 _MIN_SHARE, _MIN_FACTOR, _SHRINKAGE, _MIN_FIRMNESS = 0.05, 0.6, 0.5, 0.1
 _MIN_MOVING, _MIN_SCALE = 0.3, 0.1
 _MIN_RESIDUALS = 30
-
-
-@dataclass(frozen=True, eq=False)
-class JointParameters:
-    """Hold poses and clocks of all views.
-
-    Attributes:
-        rotation: shape (view, 3, 3): camera_from_world.
-        center_m: shape (view, 3).
-        offset_s: shape (view,): true time minus timestamp in the middle of the recording.
-        drift: shape (view,): change of the offset per second.
-    """
-
-    rotation: np.ndarray
-    center_m: np.ndarray
-    offset_s: np.ndarray
-    drift: np.ndarray
-
-    def changed(self, change: np.ndarray) -> "JointParameters":
-        """Return the parameters after a change, shape (view, VIEW_PARAMETERS)."""
-        turned = np.stack([rotation_from_vector(row[:3]) for row in change]) @ self.rotation
-        return JointParameters(
-            turned, self.center_m + change[:, 3:6], self.offset_s + change[:, 6], self.drift + change[:, 7]
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,22 +34,23 @@ class Rows:
         frames: shape (sample,): sampled frames.
         time_s: shape (sample,): time since the middle of the samples.
         points_m: shape (sample, column, 3), NaN where unknown.
+        support_m: shape (support, column, 3): points of the samples and of the frames around them.
         residual: shape (point, view, 2): observed minus projected in units of the noise.
-        by_view: shape (point, view, 2, VIEW_PARAMETERS).
+        by_view: shape (point, view, 2, parameter).
         by_point: shape (point, view, 2, 3).
         seen: shape (point, view), bool.
         weight: shape (point, view): Student-t weights, 0 where not seen.
         scale: shape (view,): noise of each view as a multiple of the expected noise.
         sigma: shape (point, view): noise in the normalized image plane.
-        cameras: rotations, shape (view, 3, 3), and centers, shape (view, 3).
+        cameras: rotations, shape (view, 3, 3), centers, shape (view, 3), and radial distortion, shape (view,).
         velocity_m_s: shape (point, 3): velocities, 0 if most of their variance is error.
-        runs: shape (sample,), int: contiguous piece of the recording.
         velocity_noise: variance of the errors of velocities, in units of the noise, 1/s^2.
     """
 
     frames: np.ndarray
     time_s: np.ndarray
     points_m: np.ndarray
+    support_m: np.ndarray
     residual: np.ndarray
     by_view: np.ndarray
     by_point: np.ndarray
@@ -83,9 +58,8 @@ class Rows:
     weight: np.ndarray
     scale: np.ndarray
     sigma: np.ndarray
-    cameras: tuple[np.ndarray, np.ndarray]
+    cameras: tuple[np.ndarray, np.ndarray, np.ndarray]
     velocity_m_s: np.ndarray
-    runs: np.ndarray
     velocity_noise: float
 
     @property
@@ -94,12 +68,22 @@ class Rows:
         return self.residual.shape[1]
 
     @property
+    def n_parameters(self) -> int:
+        """Return the number of parameters of each view."""
+        return self.by_view.shape[3]
+
+    @property
     def curvature(self) -> float:
         """Return the mean curvature of the Student-t likelihood, 1 for Gaussian errors of unit variance."""
-        weight, squared = self.weight[self.seen], np.square(self.residual).sum(axis=-1)[self.seen]
+        weight, squared = self.weight[self.seen], self.squared[self.seen]
         if not len(weight):
             return 1.0
         return max(float((weight * (1.0 - weight * squared / (STUDENT_T_DOF + 2.0))).mean()), 0.1)
+
+    @property
+    def squared(self) -> np.ndarray:
+        """Return the squared lengths of the residuals, shape (point, view)."""
+        return np.einsum("nvk,nvk->nv", self.residual, self.residual)
 
     @property
     def relative_curvature(self) -> float:
@@ -131,32 +115,29 @@ def linearize(
         frames: shape (sample,): frames to use, ascending.
         parameters: poses and clocks.
         scale: shape (view,): noise of each view as a multiple of the expected noise.
-        start_m: shape (sample, column, 3): starting points.
+        start_m: shape (support, column, 3): starting points, such as :attr:`Rows.support_m` of other parameters.
     """
-    middle_s = recording.time_s.mean(axis=1)[frames]
-    time_s = middle_s - 0.5 * (middle_s[0] + middle_s[-1])
-    xy, sigma = recording.at(frames, parameters.offset_s + time_s[:, None] * parameters.drift)
-    shape, n_views = xy.shape[:2], recording.n_views
-    xy, sigma = xy.reshape(-1, n_views, 2), (sigma * scale).reshape(-1, n_views)
-    sigma = np.where(np.isfinite(sigma), sigma, 0.0)
-    points = np.full((*shape, 3), np.nan) if start_m is None else start_m.copy()
-    flat = points.reshape(-1, 3)
-    rotation, center = np.ascontiguousarray(parameters.rotation), np.ascontiguousarray(parameters.center_m)
-    linear_points(xy, rotation, center, flat)
-    refine_points(xy, sigma, rotation, center, STUDENT_T_DOF, _POINT_STEPS, flat)
-    points = flat.reshape(*shape, 3)
-    n = len(flat)
+    support = support_frames(recording, frames)
+    moments_s = recording.moments_s
+    time_s = moments_s[support.frames] - 0.5 * (moments_s[frames[0]] + moments_s[frames[-1]])
+    observed = triangulate(recording, support.frames, time_s, parameters, scale, start_m)
+    points, cameras, n_views = observed.points_m, observed.cameras, recording.n_views
+    velocity = support.slopes(points, time_s).reshape(-1, 3)
+    slopes = support.slopes(observed.scores(), time_s).reshape(-1, n_views, 2)
+    at = support.center
+    xy, sigma = observed.xy[at].reshape(-1, n_views, 2), observed.sigma[at].reshape(-1, n_views)
+    n = len(xy)
     residual, by_point = np.empty((n, n_views, 2)), np.empty((n, n_views, 2, 3))
-    by_view = np.empty((n, n_views, 2, VIEW_PARAMETERS))
-    velocity = central_velocities(points, middle_s, recording.runs[frames]).reshape(-1, 3)
-    when = np.repeat(time_s, shape[1])
-    cameras = (rotation, center)
-    joint_rows(xy, sigma, cameras, flat, (velocity, when), residual, by_view, by_point)
+    by_view = np.empty((n, n_views, 2, parameters.size))
+    cameras = *cameras, np.zeros(n_views) if parameters.radial is None else parameters.radial
+    motion = velocity, np.repeat(time_s[at], points.shape[1])
+    joint_rows(xy, sigma, cameras, points[at].reshape(-1, 3), motion, residual, by_view, by_point)
     seen = np.asarray(by_point.any(axis=(2, 3)))
-    weight = np.where(seen, (STUDENT_T_DOF + 2.0) / (STUDENT_T_DOF + np.square(residual).sum(axis=-1)), 0.0)
+    weight = np.where(seen, student_t_weights(residual), 0.0)
     rows = Rows(
         frames,
-        time_s,
+        time_s[at],
+        points[at],
         points,
         residual,
         by_view,
@@ -167,34 +148,16 @@ def linearize(
         sigma,
         cameras,
         velocity,
-        recording.runs[frames],
         0.0,
     )
-    return _with_velocity_noise(rows)
+    return _with_velocity_noise(rows, slopes)
 
 
-def central_velocities(points_m: np.ndarray, time_s: np.ndarray, runs: np.ndarray) -> np.ndarray:
-    """Return velocities by symmetric differences, shape (sample, column, coordinate).
-
-    A symmetric difference is uncorrelated with the error at its center. Where a neighbor is missing, it is 0.
-    """
-    velocity = np.zeros_like(points_m)
-    if len(time_s) < 3:
-        return velocity
-    step_s = float(np.median(np.diff(time_s)))
-    reach = max(1, round(_REACH_S / step_s))
-    before, after = points_m[: -2 * reach], points_m[2 * reach :]
-    apart = time_s[2 * reach :] - time_s[: -2 * reach]
-    good = (np.abs(apart - 2 * reach * step_s) < 0.5 * step_s) & (runs[2 * reach :] == runs[: -2 * reach])
-    slope = (after - before) / apart[:, None, None]
-    velocity[reach:-reach] = np.where(good[:, None, None] & np.isfinite(slope), slope, 0.0)
-    return velocity
-
-
-def _with_velocity_noise(rows: Rows) -> Rows:
+def _with_velocity_noise(rows: Rows, slopes: np.ndarray) -> Rows:
     """Return the rows with the variance of the errors of the velocities; without velocities if these are mere errors.
 
-    The errors of velocities follow from the changes of the residuals: both are projections of the same errors.
+    The errors of velocities follow from the derivatives of the scores by time, ``slopes`` of shape (point, view, 2):
+    both are projections of the same errors.
     """
     still = replace(rows, velocity_m_s=np.zeros_like(rows.velocity_m_s), by_view=_without_clocks(rows.by_view))
     known = rows.velocity_m_s.any(axis=1) & (rows.seen.sum(axis=1) > 1)
@@ -202,9 +165,6 @@ def _with_velocity_noise(rows: Rows) -> Rows:
         return still
     information = _by_points(rows, np.broadcast_to(np.eye(2), (*rows.seen.shape, 2, 2)))[known]
     observed = np.einsum("ni,nij,nj->n", rows.velocity_m_s[known], information, rows.velocity_m_s[known])
-    shape = (*rows.points_m.shape[:2], rows.n_views * 2)
-    scores = np.where(rows.seen[..., None], rows.scores, np.nan).reshape(shape)
-    slopes = central_velocities(scores, rows.time_s, rows.runs).reshape(-1, rows.n_views, 2)
     changed = known[:, None] & rows.seen & slopes.any(axis=-1)
     if not changed.any():
         return still
@@ -219,37 +179,37 @@ def _with_velocity_noise(rows: Rows) -> Rows:
 def _without_clocks(by_view: np.ndarray) -> np.ndarray:
     """Return derivatives without those by the clocks."""
     out = by_view.copy()
-    out[..., 6:] = 0.0
+    out[..., 6:8] = 0.0
     return out
 
 
 def pretended_information(rows: Rows) -> np.ndarray:
     """Return the part of the normal equations that is due to the errors of the velocities."""
     n_views = rows.n_views
-    size = n_views * VIEW_PARAMETERS
+    each = rows.n_parameters
+    size = n_views * each
     out = np.zeros((size, size))
     if rows.velocity_noise == 0.0:
         return out
     root = np.linalg.cholesky(_inverse(_by_points(rows, np.broadcast_to(np.eye(2), (*rows.seen.shape, 2, 2)))))
     scaled = rows.by_point @ root[:, None]
     squares = np.swapaxes(scaled, -1, -2) @ scaled
-    moving = rows.velocity_m_s.any(axis=1).astype(float)
+    own = np.trace(squares, axis1=-2, axis2=-1)
+    entries = np.moveaxis(squares.reshape(-1, n_views, 9), 2, 0)
+    moving = rows.curvature * rows.velocity_noise * rows.velocity_m_s.any(axis=1)
     when = np.repeat(rows.time_s, rows.points_m.shape[1])
-    for v in range(n_views):
-        for u in range(n_views):
-            shared = -np.einsum("nij,nji->n", squares[:, v], squares[:, u])
-            if u == v:
-                shared = shared + np.einsum("nii->n", squares[:, v])
-            shared = rows.curvature * rows.velocity_noise * shared * moving
-            for a, b, power in ((6, 6, 0), (6, 7, 1), (7, 6, 1), (7, 7, 2)):
-                out[v * VIEW_PARAMETERS + a, u * VIEW_PARAMETERS + b] = (shared * when**power).sum()
+    for a, b in ((6, 6), (6, 7), (7, 6), (7, 7)):
+        weight = moving * when ** (a + b - 12)
+        shared = np.diag(weight @ own) - (np.swapaxes(entries, 1, 2) @ (weight[:, None] * entries)).sum(axis=0)
+        out[a::each, b::each] = shared
     return out
 
 
 def normal_equations(rows: Rows) -> tuple[np.ndarray, np.ndarray]:
     """Return the reweighted normal equations with the points eliminated, and their right-hand side."""
     n_views = rows.n_views
-    size = n_views * VIEW_PARAMETERS
+    each = rows.n_parameters
+    size = n_views * each
     weighted = rows.by_point * rows.weight[..., None, None]
     inverse = _inverse(np.einsum("nvki,nvkj->nij", weighted, rows.by_point))
     coupling = np.einsum("nvki,nvkp->nivp", weighted, rows.by_view, optimize=True).reshape(-1, 3, size)
@@ -257,8 +217,8 @@ def normal_equations(rows: Rows) -> tuple[np.ndarray, np.ndarray]:
     reduced = (np.swapaxes(root, 1, 2) @ coupling).reshape(-1, size)
     normal = -(reduced.T @ reduced)
     for v in range(n_views):
-        at = slice(v * VIEW_PARAMETERS, (v + 1) * VIEW_PARAMETERS)
-        own = rows.by_view[:, v].reshape(-1, VIEW_PARAMETERS)
+        at = slice(v * each, (v + 1) * each)
+        own = rows.by_view[:, v].reshape(-1, each)
         normal[at, at] += own.T @ (own * np.repeat(rows.weight[:, v], 2)[:, None])
     score = rows.scores
     total = np.einsum("nvk,nvkp->vp", score, rows.by_view, optimize=True).ravel()
@@ -275,11 +235,43 @@ def observed_curvature(rows: Rows) -> np.ndarray:
     barely determine: the curvature there is a quarter too large for a person who stands still. Points whose own
     equations are then not positive definite keep constant weights and first derivatives.
     """
-    n_views = rows.n_views
-    size = n_views * VIEW_PARAMETERS
-    squared = np.square(rows.residual).sum(axis=-1)
+    n_views, each = rows.n_views, rows.n_parameters
+    size = n_views * each
+    _, bent, coupling, inverse, by_view = _bent(rows)
+    root = np.linalg.cholesky(inverse)
+    reduced = (np.swapaxes(root, 1, 2) @ coupling).reshape(-1, size)
+    normal = -(reduced.T @ reduced)
+    for v in range(n_views):
+        at = slice(v * each, (v + 1) * each)
+        own = rows.by_view[:, v].reshape(-1, each).T @ bent[:, v].reshape(-1, each)
+        normal[at, at] += own + by_view[v]
+    return 0.5 * (normal + normal.T)
+
+
+def score_responses(rows: Rows) -> np.ndarray:
+    """Return by how much every score falls with every parameter, shape (point, view, 2, parameter).
+
+    The points follow the parameters. Second derivatives count only in how the points follow.
+    """
+    n, n_views, each = len(rows.seen), rows.n_views, rows.n_parameters
+    bend, bent, coupling, inverse, _ = _bent(rows)
+    by_point = (bend @ rows.by_point).reshape(n, 2 * n_views, 3)
+    out = -(by_point @ (inverse @ coupling)).reshape(n, n_views, 2, -1)
+    for v in range(n_views):
+        out[:, v, :, v * each : (v + 1) * each] += bent[:, v]
+    return out
+
+
+def _bent(rows: Rows) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return second derivatives of the cost.
+
+    Returns:
+        By the residuals, shape (point, view, 2, 2); by residuals and own view, shape (point, view, 2, parameter); by
+        points and views, shape (point, 3, parameter); the inverse of those by the points, shape (point, 3, 3); and the
+        terms of the second derivatives of the projections by the views.
+    """
     outer = rows.residual[..., :, None] * rows.residual[..., None, :]
-    falling = 2.0 * outer / (STUDENT_T_DOF + squared)[..., None, None]
+    falling = 2.0 * outer / (STUDENT_T_DOF + rows.squared)[..., None, None]
     weighted = rows.weight[..., None, None] * np.eye(2)
     bend = weighted - rows.weight[..., None, None] * falling
     by_view, mixed, by_points = _second_derivatives(rows, rows.scores)
@@ -291,25 +283,24 @@ def observed_curvature(rows: Rows) -> np.ndarray:
     by_points += _by_points(rows, bend)
     bent = bend @ rows.by_view
     coupling = np.einsum("nvki,nvkp->nivp", rows.by_point, bent, optimize=True) + mixed
-    root = np.linalg.cholesky(_inverse(by_points))
-    reduced = (np.swapaxes(root, 1, 2) @ coupling.reshape(-1, 3, size)).reshape(-1, size)
-    normal = -(reduced.T @ reduced)
-    for v in range(n_views):
-        at = slice(v * VIEW_PARAMETERS, (v + 1) * VIEW_PARAMETERS)
-        own = rows.by_view[:, v].reshape(-1, VIEW_PARAMETERS).T @ bent[:, v].reshape(-1, VIEW_PARAMETERS)
-        normal[at, at] += own + by_view[v]
-    return 0.5 * (normal + normal.T)
+    return bend, bent, coupling.reshape(len(bent), 3, -1), _inverse(by_points), by_view
 
 
 def _second_derivatives(rows: Rows, scores: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the terms of the second derivatives of the projections: by views, mixed, and by points."""
-    n, n_views = rows.seen.shape
-    by_view = np.zeros((n_views, VIEW_PARAMETERS, VIEW_PARAMETERS))
-    mixed, by_points = np.zeros((n, 3, n_views, VIEW_PARAMETERS)), np.zeros((n, 3, 3))
+    (n, n_views), each = rows.seen.shape, rows.n_parameters
+    by_view = np.zeros((n_views, each, each))
+    mixed, by_points = np.zeros((n, 3, n_views, each)), np.zeros((n, 3, 3))
     when = np.repeat(rows.time_s, rows.points_m.shape[1])
     points = rows.points_m.reshape(-1, 3)
     motion = (rows.velocity_m_s, when)
-    second_derivatives(scores, rows.sigma, rows.cameras, points, motion, by_view, mixed, by_points)
+    second_derivatives(scores, rows.sigma, rows.cameras[:2], points, motion, by_view, mixed, by_points)
+    if each > FOCAL:
+        # A projection is proportional to the focal length.
+        both = np.einsum("nvk,nvkp->vp", scores, rows.by_view)
+        by_view[:, FOCAL] -= both
+        by_view[:, :FOCAL, FOCAL] -= both[:, :FOCAL]
+        mixed[..., FOCAL] -= np.einsum("nvk,nvki->niv", scores, rows.by_point)
     return by_view, mixed, by_points
 
 
@@ -324,14 +315,15 @@ def influences(rows: Rows) -> np.ndarray:
     Errors are in units of the noise. The points are eliminated with equal weights, as in the expectation.
     """
     n_views = rows.n_views
-    size = n_views * VIEW_PARAMETERS
+    each = rows.n_parameters
+    size = n_views * each
     inverse = _inverse(np.einsum("nvki,nvkj->nij", rows.by_point, rows.by_point))
     coupling = np.einsum("nvki,nvkp->nivp", rows.by_point, rows.by_view, optimize=True).reshape(-1, 3, size)
     n = len(inverse)
     out = -(rows.by_point.reshape(n, n_views * 2, 3) @ (inverse @ coupling))
     out = out.reshape(n, n_views, 2, size)
     for v in range(n_views):
-        out[:, v, :, v * VIEW_PARAMETERS : (v + 1) * VIEW_PARAMETERS] += rows.by_view[:, v]
+        out[:, v, :, v * each : (v + 1) * each] += rows.by_view[:, v]
     return out
 
 
@@ -351,7 +343,7 @@ def noise_scales(rows: Rows) -> np.ndarray:
     towards their common value.
     """
     left = 2.0 * np.clip(1.0 - rows.leverage(), _MIN_SHARE, 1.0)
-    squared = rows.weight * np.square(rows.residual).sum(axis=-1) * np.square(rows.scale)
+    squared = rows.weight * rows.squared * np.square(rows.scale)
     several = rows.seen & (rows.seen.sum(axis=1) > 2)[:, None]
     used = several if several.sum() >= _MIN_RESIDUALS else rows.seen
     common = squared[used].sum() / left[used].sum() if used.any() else 1.0

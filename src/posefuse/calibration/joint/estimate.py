@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.calibration.joint.covariance import score_covariance
+from posefuse.calibration.joint.covariance import information, score_covariance
 from posefuse.calibration.joint.equations import (
-    JointParameters,
     Rows,
     influences,
     linearize,
@@ -22,19 +21,20 @@ from posefuse.calibration.joint.equations import (
     pretended_information,
 )
 from posefuse.calibration.joint.noise_law import NoiseLaw, estimate_law
+from posefuse.calibration.joint.parameters import JointParameters, difference
 from posefuse.calibration.joint.recording import JointRecording
-from posefuse.kernels.calibration.joint import VIEW_PARAMETERS
-from posefuse.model.cameras import vector_from_rotation
+from posefuse.calibration.joint.velocity_gain import velocity_gain
+from posefuse.kernels.calibration.joint import FOCAL, VIEW_PARAMETERS
 
 PRIOR_SD = np.array([0.1] * 3 + [0.5] * 3 + [1.0, 5e-3])
 """Standard deviations of a weak prior in rad, m, s and s/s; keeps parameters finite that the data do not determine."""
-LARGEST_SD = np.array([0.1] * 3 + [0.5] * 3 + [0.1, 1e-4])
+LARGEST_SD = np.array([0.1] * 3 + [0.5] * 3 + [0.1, 1e-4, 0.1, 0.1])
 """Largest standard deviations of changes that count as determined."""
-_END_S = 1.3
+_END_S = 1.1
 """Time at which end effects double the variance of a clock: velocities at the ends are unknown (measured)."""
-_MAX_STEPS = 12
+_MAX_STEPS = 40
 _CONVERGED = 0.03
-_MAX_CHANGE = np.array([0.1] * 3 + [0.3] * 3 + [0.1, 0.01])
+_MAX_CHANGE = np.array([0.1] * 3 + [0.3] * 3 + [0.1, 0.01, 0.1, 0.1])
 _MAX_VALUES = 12_000_000
 _MIN_SPACING_S = 0.08
 MAX_SAMPLES = 300
@@ -47,12 +47,15 @@ class JointEstimate:
 
     Attributes:
         names: names of the cameras.
-        parameters: poses and clocks.
-        change: shape (view, VIEW_PARAMETERS): change of each view from the calibration: rotation about its own axes in
-            rad, shift of its center in m, time offset in s in the middle of the recording, drift in s/s.
-        covariance: shape (view * VIEW_PARAMETERS, view * VIEW_PARAMETERS): of the changes.
-        basis: shape (view * VIEW_PARAMETERS, free): directions that the data can determine.
-        projection: shape (view * VIEW_PARAMETERS,) twice: maps any change to the equivalent one in this world.
+        parameters: poses and clocks, and focal lengths unless these are fixed.
+        change: shape (view, parameter): change of each view from the calibration: rotation about its own axes in
+            rad, shift of its center in m, time offset in s in the middle of the recording, drift in s/s, and the
+            logarithm of the focal length unless it is fixed.
+        covariance: shape (view * parameter, view * parameter): of the changes.
+        information: shape (free, free): what the keypoints alone tell about the changes in the basis, without prior.
+        evidence_score: shape (free,): ``information`` times the most likely changes.
+        basis: shape (view * parameter, free): directions that the data can determine.
+        projection: shape (view * parameter,) twice: maps any change to the equivalent one in this world.
         rows: residuals and derivatives at the estimate.
         law: law of the errors.
         middle_s: time in the middle of the samples, at which the offset holds.
@@ -62,6 +65,8 @@ class JointEstimate:
     parameters: JointParameters
     change: np.ndarray
     covariance: np.ndarray
+    information: np.ndarray
+    evidence_score: np.ndarray
     basis: np.ndarray
     projection: np.ndarray
     rows: Rows
@@ -70,17 +75,17 @@ class JointEstimate:
 
     @property
     def sd(self) -> np.ndarray:
-        """Return the standard deviations of the changes, shape (view, VIEW_PARAMETERS)."""
+        """Return the standard deviations of the changes, shape (view, parameter)."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).reshape(self.change.shape)
 
     @property
     def determined(self) -> np.ndarray:
-        """Return which changes the recording determines, shape (view, VIEW_PARAMETERS), bool.
+        """Return which changes the recording determines, shape (view, parameter), bool.
 
         A time offset needs people who move; a drift that is less certain than the largest one of real clocks says
         nothing.
         """
-        return self.sd <= LARGEST_SD
+        return self.sd <= LARGEST_SD[: self.parameters.size]
 
     @property
     def noise_scale(self) -> np.ndarray:
@@ -93,6 +98,7 @@ def estimate(
     start: JointParameters | None = None,
     max_samples: int = MAX_SAMPLES,
     prior_sd: np.ndarray | None = None,
+    frames: np.ndarray | None = None,
 ) -> JointEstimate | None:
     """Estimate poses and clocks of all views, or return None without points that two views observe.
 
@@ -100,19 +106,22 @@ def estimate(
         recording: tracked keypoints and calibrated poses.
         start: parameters to start from; by default the calibration.
         max_samples: largest number of frames to use.
-        prior_sd: shape (view, VIEW_PARAMETERS): standard deviations of the changes; by default :data:`PRIOR_SD`.
+        prior_sd: shape (view, parameter): standard deviations of the changes; by default :data:`PRIOR_SD`. With
+            columns for the logarithm of the focal length and the radial distortion, lenses are estimated too.
+        frames: shape (sample,): frames to use, ascending; by default evenly spaced ones.
     """
     n = recording.n_views
-    calibrated = JointParameters(recording.rotation, recording.center_m, np.zeros(n), np.zeros(n))
+    sd = np.tile(PRIOR_SD, (n, 1)) if prior_sd is None else prior_sd
+    prior = sd.ravel() ** -2.0
+    calibrated = _calibrated(recording, sd.shape[1])
     parameters = start or calibrated
-    frames = sample_frames(recording, max_samples)
-    prior = (np.tile(PRIOR_SD, (n, 1)) if prior_sd is None else prior_sd).ravel() ** -2.0
+    frames = sample_frames(recording, max_samples) if frames is None else frames
     scale, points = np.ones(n), None
     for step in range(_MAX_STEPS):
         rows = linearize(recording, frames, parameters, scale, points)
         if not rows.seen.any():
             return None
-        scale, points = noise_scales(rows), rows.points_m
+        scale, points = noise_scales(rows), rows.support_m
         if step < 1:
             continue
         normal, score = normal_equations(rows)
@@ -121,12 +130,19 @@ def estimate(
         whole = rows.relative_curvature * normal - pretended_information(rows) + np.diag(prior)
         inverse = basis @ _inverse(basis.T @ whole @ basis, basis.T @ np.diag(prior) @ basis) @ basis.T
         delta = inverse @ (score - prior * change.ravel())
-        delta = delta.reshape(n, VIEW_PARAMETERS)
-        parameters = parameters.changed(delta / max(1.0, float(np.abs(delta / _MAX_CHANGE).max())))
+        delta = delta.reshape(n, -1)
+        parameters = parameters.changed(delta / max(1.0, float(np.abs(delta / _MAX_CHANGE[: sd.shape[1]]).max())))
         sds = np.sqrt(np.maximum(np.diag(inverse), 0.0)).reshape(delta.shape)
         if step > 2 and (np.abs(delta) < _CONVERGED * sds + 1e-9).all():
             break
     return _finish(recording, linearize(recording, frames, parameters, scale, points), parameters, prior)
+
+
+def _calibrated(recording: JointRecording, size: int) -> JointParameters:
+    """Return the calibrated poses and correct clocks, with or without focal lengths."""
+    still = np.zeros(recording.n_views)
+    lens = (still, still) if size > FOCAL else (None, None)
+    return JointParameters(recording.rotation, recording.center_m, still, still, *lens)
 
 
 def sample_frames(recording: JointRecording, max_samples: int) -> np.ndarray:
@@ -137,13 +153,6 @@ def sample_frames(recording: JointRecording, max_samples: int) -> np.ndarray:
     stride = max(1, round(_MIN_SPACING_S / recording.period_s), -(-n_frames // most))
     first = np.searchsorted(recording.runs, recording.runs)
     return np.flatnonzero((np.arange(n_frames) - first) % stride == 0)
-
-
-def difference(before: JointParameters, after: JointParameters) -> np.ndarray:
-    """Return the change from one set of parameters to another, shape (view, VIEW_PARAMETERS)."""
-    turns = [vector_from_rotation(b @ a.T) for a, b in zip(before.rotation, after.rotation, strict=True)]
-    clocks = np.stack([after.offset_s - before.offset_s, after.drift - before.drift], axis=1)
-    return np.concatenate([np.array(turns), after.center_m - before.center_m, clocks], axis=1)
 
 
 def _law(rows: Rows) -> NoiseLaw:
@@ -158,21 +167,27 @@ def _law(rows: Rows) -> NoiseLaw:
 def _finish(recording: JointRecording, rows: Rows, parameters: JointParameters, prior: np.ndarray) -> JointEstimate:
     """Return the estimate with its covariance; ``prior`` holds the inverse variances of the prior."""
     n, law = recording.n_views, _law(rows)
-    calibrated = JointParameters(recording.rotation, recording.center_m, np.zeros(n), np.zeros(n))
+    calibrated = _calibrated(recording, parameters.size)
     basis, projection = _gauge(rows, parameters)
     rays = influences(rows)
     normal = observed_curvature(rows) - pretended_information(rows) + np.diag(prior)
-    middle = score_covariance(rays, rows, law) + np.diag(prior)
+    scores = score_covariance(rays, rows, law)
+    middle = scores + np.diag(prior)
     spread = basis @ _inverse(basis.T @ normal @ basis, basis.T @ np.diag(prior) @ basis) @ basis.T
     covariance = spread @ middle @ spread
-    times = recording.time_s.mean(axis=1)[rows.frames]
-    inflated = np.tile([1.0] * 6 + [np.hypot(1.0, _END_S / max(times[-1] - times[0], 1e-3))] * 2, n)
-    change = (projection @ difference(calibrated, parameters).ravel()).reshape(n, VIEW_PARAMETERS)
+    times = recording.moments_s[rows.frames]
+    inflated = np.ones((n, parameters.size))
+    inflated[:, 6:8] = np.hypot(1.0, _END_S / max(times[-1] - times[0], 1e-3))
+    inflated[:, 6:8] /= velocity_gain(recording, rows, parameters)
+    inflated = inflated.ravel()
+    change = (projection @ difference(calibrated, parameters).ravel()).reshape(n, -1)
+    known = information(basis, normal - np.diag(prior), inflated[:, None] * scores * inflated, prior, change.ravel())
     return JointEstimate(
         recording.names,
         parameters,
         change,
         covariance * inflated * inflated[:, None],
+        *known,
         basis,
         projection,
         rows,
@@ -197,7 +212,7 @@ def _gauge(rows: Rows, parameters: JointParameters) -> tuple[np.ndarray, np.ndar
     n = len(parameters.rotation)
     points = rows.points_m[np.isfinite(rows.points_m).all(axis=-1)]
     origin = np.median(points, axis=0) if len(points) else parameters.center_m.mean(axis=0)
-    free = np.zeros((n, VIEW_PARAMETERS, _N_SIMILARITY + 2))
+    free = np.zeros((n, parameters.size, _N_SIMILARITY + 2))
     for v in range(n):
         x, y, z = parameters.center_m[v] - origin
         free[v, :3, :3] = -parameters.rotation[v]
@@ -206,8 +221,8 @@ def _gauge(rows: Rows, parameters: JointParameters) -> tuple[np.ndarray, np.ndar
         free[v, 3:6, 6] = x, y, z
     free[:, 6, 7] = free[:, 7, 8] = 1.0
     distance_m = float(np.median(np.linalg.norm(parameters.center_m - origin, axis=1)))
-    weight = np.tile([distance_m**2] * 3 + [1.0] * 5, n)
-    free = free.reshape(n * VIEW_PARAMETERS, -1)
+    weight = np.tile([distance_m**2] * 3 + [1.0] * (parameters.size - 3), n)
+    free = free.reshape(n * parameters.size, -1)
     constraint = free * weight[:, None]
     basis = np.linalg.svd(constraint, full_matrices=True)[0][:, free.shape[1] :]
     projection = np.eye(len(free)) - free @ np.linalg.solve(constraint.T @ free, constraint.T)

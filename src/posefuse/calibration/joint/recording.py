@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 _FRAME_TOLERANCE = 0.02
-"""Times closer to a frame than this share of the frame interval use that frame without interpolation."""
+"""Times closer to a frame than this share of the frame interval use that frame where its neighbor is missing."""
+_DIGITS = 9
 _MAX_GAP = 2.5
 
 
@@ -19,11 +20,13 @@ class JointRecording:
         names: names of the cameras.
         xy: shape (frame, view, column, 2): x/z and y/z, NaN where not detected.
         sigma: shape (frame, view, column): expected noise in that plane, up to a factor for each view.
-        time_s: shape (frame, view): timestamp of each frame.
+        time_s: shape (frame, view): timestamp of each frame, NaN after the last frame of a view. Frames of the same
+            index need not be simultaneous if ``common_s`` is given.
         runs: shape (frame,), int: contiguous piece of the recording that holds the frame.
         period_s: time between frames.
         rotation: shape (view, 3, 3): calibrated, camera_from_world.
         center_m: shape (view, 3): calibrated camera centers.
+        common_s: shape (frame,): times at which points are estimated; None if they are the mean timestamps.
     """
 
     names: tuple[str, ...]
@@ -34,6 +37,12 @@ class JointRecording:
     period_s: float
     rotation: np.ndarray
     center_m: np.ndarray
+    common_s: np.ndarray | None = None
+
+    @property
+    def moments_s(self) -> np.ndarray:
+        """Return the times at which points are estimated, shape (frame,)."""
+        return self.time_s.mean(axis=1) if self.common_s is None else self.common_s
 
     @property
     def n_views(self) -> int:
@@ -51,17 +60,13 @@ class JointRecording:
             Normalized coordinates, shape (sample, column, view, 2), and their noise, shape (sample, column, view); NaN
             where a view has no detection at that time.
         """
-        middle_s, run = self.time_s.mean(axis=1)[frames], self.runs[frames]
+        middle_s, run = self.moments_s[frames], self.runs[frames]
         xy = np.empty((len(frames), self.xy.shape[2], self.n_views, 2))
         sigma = np.empty(xy.shape[:3])
         for v in range(self.n_views):
             before, after, share = self._neighbors(middle_s - offset_s[:, v], run, v)
-            mix = share[:, None]
-            # 0 times NaN is NaN, so a frame of weight 0 must not enter the sum.
-            first, last = self.sigma[before, v], self.sigma[after, v]
-            sigma[:, :, v] = np.where(mix <= 0.0, first, np.where(mix >= 1.0, last, (1 - mix) * first + mix * last))
-            first, last, mix = self.xy[before, v], self.xy[after, v], mix[..., None]
-            xy[:, :, v] = np.where(mix <= 0.0, first, np.where(mix >= 1.0, last, (1 - mix) * first + mix * last))
+            sigma[:, :, v] = _between(self.sigma[before, v], self.sigma[after, v], share[:, None])
+            xy[:, :, v] = _between(self.xy[before, v], self.xy[after, v], share[:, None, None])
         unknown = ~(np.isfinite(sigma) & np.isfinite(xy).all(axis=-1))
         xy[unknown], sigma[unknown] = np.nan, np.nan
         return xy, sigma
@@ -74,9 +79,22 @@ class JointRecording:
         step = np.maximum(times[after] - times[before], 1e-9)
         share = (taken_s - times[before]) / step
         fits = (share > -_FRAME_TOLERANCE) & (share < 1.0 + _FRAME_TOLERANCE)
-        share = np.where(share < _FRAME_TOLERANCE, 0.0, np.where(share > 1.0 - _FRAME_TOLERANCE, 1.0, share))
+        share = np.round(np.clip(share, 0.0, 1.0), _DIGITS)
         first, last = self.runs[before] == run, self.runs[after] == run
         # Never interpolate across a gap of frames or between pieces of the recording.
         between = first & last & (step < _MAX_GAP * self.period_s)
-        fits &= between | (first & (share == 0.0)) | (last & (share == 1.0))
+        at_first, at_last = first & (share < _FRAME_TOLERANCE), last & (share > 1.0 - _FRAME_TOLERANCE)
+        fits &= between | at_first | at_last
+        share = np.where(between, share, np.where(at_first, 0.0, 1.0))
         return before, after, np.where(fits, share, np.nan)
+
+
+def _between(first: np.ndarray, last: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Return values interpolated between two frames.
+
+    A frame that is missing is not used if the time is that of the other one, within the tolerance. Otherwise there is
+    no tolerance: clocks are found to less than a thirtieth of a frame, and the values must not jump there.
+    """
+    mixed = np.where(share == 0.0, first, np.where(share == 1.0, last, (1.0 - share) * first + share * last))
+    mixed = np.where((share < _FRAME_TOLERANCE) & np.isnan(last), first, mixed)
+    return np.where((share > 1.0 - _FRAME_TOLERANCE) & np.isnan(first), last, mixed)

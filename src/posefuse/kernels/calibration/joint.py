@@ -7,7 +7,40 @@ from posefuse.kernels.linear_algebra.symmetric_3x3 import solve_symmetric
 
 VIEW_PARAMETERS = 8
 """Three rotations about the camera's axes, three shifts of its center, time offset, clock drift."""
+FOCAL = 8
+"""Index of the logarithm of the focal length, which is a parameter only where it is not known."""
+RADIAL = 9
+"""Index of the first coefficient of radial distortion, which is a parameter together with the focal length."""
 _MIN_DEPTH = 0.05
+_NEWTON_STEPS, _MIN_STEEPNESS, _EXACT = 8, 0.1, 1e-6
+
+
+@kernel
+def undistort_radial(coefficient, xy, sigma):
+    """Invert ``distorted = x (1 + k |x|^2)`` by Newton's method; NaN and noise 0 beyond the fold of the distortion.
+
+    Args:
+        coefficient: shape (view,): k.
+        xy: shape (point, view, 2): distorted coordinates, NaN where missing; changed.
+        sigma: shape (point, view): noise of these; changed to the geometric mean of the noise along and across.
+    """
+    for n in range(xy.shape[0]):
+        for v in range(xy.shape[1]):
+            k = coefficient[v]
+            if k == 0.0 or not np.isfinite(xy[n, v, 0]):
+                continue
+            distorted = np.sqrt(xy[n, v, 0] ** 2 + xy[n, v, 1] ** 2)
+            r = distorted
+            for _ in range(_NEWTON_STEPS):
+                r -= (r * (1.0 + k * r * r) - distorted) / max(1.0 + 3.0 * k * r * r, _MIN_STEEPNESS)
+            steep, ratio = 1.0 + 3.0 * k * r * r, 1.0 + k * r * r
+            if steep < _MIN_STEEPNESS or abs(r * ratio - distorted) > _EXACT:
+                xy[n, v, :] = np.nan
+                sigma[n, v] = 0.0
+                continue
+            xy[n, v, 0] /= ratio
+            xy[n, v, 1] /= ratio
+            sigma[n, v] /= np.sqrt(steep * ratio)
 
 
 @kernel
@@ -112,14 +145,14 @@ def joint_rows(xy, sigma, cameras, points, motion, residual, by_view, by_point):
     Args:
         xy: shape (point, view, 2): x/z and y/z, NaN where missing.
         sigma: shape (point, view): noise in that plane.
-        cameras: rotations, shape (view, 3, 3), and centers, shape (view, 3).
+        cameras: rotations, shape (view, 3, 3), centers, shape (view, 3), and radial distortion, shape (view,).
         points: shape (point, 3), NaN where unknown.
         motion: velocities in m/s, shape (point, 3), and time since the middle of the recording, shape (point,).
         residual: shape (point, view, 2), written: observed minus projected.
-        by_view: shape (point, view, 2, VIEW_PARAMETERS), written.
+        by_view: shape (point, view, 2, VIEW_PARAMETERS), or two more with the lens, written.
         by_point: shape (point, view, 2, 3), written.
     """
-    rotation, center = cameras
+    rotation, center, lens = cameras
     velocity, time_s = motion
     for n in range(xy.shape[0]):
         seen = 0
@@ -160,6 +193,11 @@ def joint_rows(xy, sigma, cameras, points, motion, residual, by_view, by_point):
                     moving += row * velocity[n, i]
                 by_view[n, v, axis, 6] = moving
                 by_view[n, v, axis, 7] = moving * time_s[n]
+                if by_view.shape[3] > FOCAL:
+                    squared = (x * x + y * y) / (z * z)
+                    steep = 1.0 + 3.0 * lens[v] * squared
+                    by_view[n, v, axis, FOCAL] = slope * (1.0 + lens[v] * squared) / (steep * sigma[n, v])
+                    by_view[n, v, axis, RADIAL] = slope * squared / (steep * sigma[n, v])
 
 
 @kernel

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from posefuse.calibration.joint import equations
+from posefuse.calibration.joint import triangulated
 from posefuse.calibration.joint.equations import linearize, normal_equations, observed_curvature
 from posefuse.calibration.joint.estimate import estimate
 from posefuse.kernels.calibration.joint import VIEW_PARAMETERS
@@ -11,7 +11,7 @@ from posefuse.kernels.calibration.joint import VIEW_PARAMETERS
 
 def test_curvature_is_the_derivative_of_the_score(stand, monkeypatch):
     """The curvature of barely determined directions, where the second derivatives of the projections matter."""
-    monkeypatch.setattr(equations, "_POINT_STEPS", 20)
+    monkeypatch.setattr(triangulated, "_POINT_STEPS", 20)
     joint = estimate(stand[0])
     assert joint is not None
     at = (joint.rows.frames, joint.parameters, joint.noise_scale)
@@ -24,7 +24,7 @@ def test_curvature_is_the_derivative_of_the_score(stand, monkeypatch):
         direction[poses] = vectors[:, k]
         step = 0.05 * values[k] ** -0.5 * direction.reshape(-1, VIEW_PARAMETERS)
         scores = [
-            normal_equations(linearize(stand[0], at[0], at[1].changed(s), at[2], rows.points_m))[1]
+            normal_equations(linearize(stand[0], at[0], at[1].changed(s), at[2], rows.support_m))[1]
             for s in (-step, step)
         ]
         slope = (scores[0] - scores[1]) @ direction / (0.1 * values[k] ** -0.5)

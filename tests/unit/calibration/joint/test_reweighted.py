@@ -1,0 +1,30 @@
+"""Weights by a working correlation reduce the errors of poses, and the covariance follows."""
+
+import numpy as np
+from benchmarks.clock_coverage import simulate
+
+from posefuse.calibration.joint.estimate import PRIOR_SD, JointEstimate, estimate
+from posefuse.calibration.joint.reweighted import reweighted
+
+
+def pose_errors(joint: JointEstimate, truth: np.ndarray) -> np.ndarray:
+    return (joint.projection @ (joint.change - truth).ravel()).reshape(truth.shape)[:, :6]
+
+
+def test_poses_of_a_walking_person_are_more_accurate():
+    """The gain in 12 s is a quarter on average; the sum over 4 recordings hides the chance of each."""
+    before, after, normalized = [], [], []
+    for seed in range(4):
+        recording, truth = simulate("walks", 12.0, np.random.default_rng([seed, 8]))
+        prior_sd = np.tile(PRIOR_SD, (recording.n_views, 1))
+        joint = estimate(recording, max_samples=120, prior_sd=prior_sd)
+        assert joint is not None
+        again = reweighted(joint, recording, prior_sd)
+        before.append(np.square(pose_errors(joint, truth)[:, :3]).mean())
+        after.append(np.square(pose_errors(again, truth)[:, :3]).mean())
+        normalized.append((pose_errors(again, truth) / again.sd[:, :6]).ravel())
+        np.testing.assert_array_equal(joint.change[:, 6:], again.change[:, 6:])
+        np.testing.assert_array_equal(joint.sd[:, 6:], again.sd[:, 6:])
+        assert np.median(again.sd[:, :3]) < np.median(joint.sd[:, :3])
+    assert np.sum(after) < np.sum(before)
+    assert 0.6 < np.sqrt(np.mean(np.square(np.concatenate(normalized)))) < 1.5
