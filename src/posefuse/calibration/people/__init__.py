@@ -1,0 +1,1 @@
+"""Calibration of cameras by the people or animals that they film."""

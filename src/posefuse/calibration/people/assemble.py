@@ -1,0 +1,263 @@
+"""Approximate poses of all views from relative poses of pairs.
+
+Starting from each of the best pairs, views are added one by one by their pose relative to the points of the views so
+far; a bundle adjustment with rigid bones follows each. The start whose cameras and bodies agree best is kept.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from posefuse.calibration.people.bodies import BodySamples, Bones
+from posefuse.calibration.people.body_bundle import (
+    BodyState,
+    adjust_bodies,
+    initial_state,
+    residuals_of,
+)
+from posefuse.calibration.people.pairs import MIN_PARALLAX, PairGeometry
+from posefuse.calibration.people.sample_sides import exchanged_views
+from posefuse.kernels.calibration.body_bundle import FOCAL, OFFSET, VIEW_COLUMNS, body_residuals, refine_view
+
+Edges = Mapping[tuple[int, int], Sequence[PairGeometry]]
+"""Geometries of each pair of views, the most probable first."""
+
+MAX_RATIO = 5.0
+"""Largest median error of a view that observes the same people, relative to the noise of the first pair of views."""
+MIN_SHARED = 30
+_MIN_NOISE = 0.5
+_OUTLIER = 5.0
+_SEEDS = 3
+_HYPOTHESES = 3
+_VIEW_STEPS = 15
+_TRANSLATION_STEPS = 4
+_FINAL_ROUNDS = 3
+_COMMON_FOCAL, _FOCAL_SPREAD = 0.01, 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Assembly:
+    """Hold approximate poses of the views that could be related.
+
+    Attributes:
+        views: indices of the views, ascending.
+        samples: their observations, with corrected sides.
+        state: poses, points and bones.
+        cost: mean robust cost of an observation, in units of the nominal noise.
+        support: sum over the observations of how much more probable they are than errors of five standard deviations.
+        median: shape (view,): median residual of each view in units of the nominal noise.
+        exchanged: shape (sample, view), bool: where sides were exchanged.
+        rejected: views that do not fit, with their median residual.
+    """
+
+    views: tuple[int, ...]
+    samples: BodySamples
+    state: BodyState
+    cost: float
+    support: float
+    median: np.ndarray
+    exchanged: np.ndarray
+    rejected: Mapping[int, float]
+
+
+def assemble(
+    samples: BodySamples, bones: Bones, edges: Edges, focal_known: np.ndarray, offsets_free: bool
+) -> Assembly | None:
+    """Assemble views from the geometries of pairs.
+
+    Args:
+        samples: observations of all views, at their approximate time offsets.
+        bones: bones of the skeleton.
+        edges: geometries of pairs.
+        focal_known: shape (view,), bool.
+        offsets_free: whether time offsets are estimated.
+
+    Returns:
+        The assembly with the most support; None without geometries.
+    """
+    best: Assembly | None = None
+    for (a, b), geometry in _seeds(edges):
+        found = _Assembler(samples, bones, edges, focal_known, offsets_free).grow(a, b, geometry)
+        if best is None or found.support > best.support:
+            best = found
+    return best
+
+
+def _seeds(edges: Edges) -> list[tuple[tuple[int, int], PairGeometry]]:
+    """Return the best geometries of the best pairs: first those of different pairs."""
+    ranked = sorted(
+        (geometries[0].cost - 1e-3 * geometries[0].n_points ** 0.5, pair)
+        for pair, geometries in edges.items()
+        if geometries and geometries[0].parallax > MIN_PARALLAX
+    )
+    first = [(pair, edges[pair][0]) for _, pair in ranked[:_SEEDS]]
+    if len(first) < _SEEDS and ranked:
+        pair = ranked[0][1]
+        first += [(pair, geometry) for geometry in edges[pair][1 : 1 + _SEEDS - len(first)]]
+    return first
+
+
+def free_parameters(focal_known: np.ndarray, offsets_free: bool, focal_free: bool = True) -> np.ndarray:
+    """Return the free parameters of views, shape (view, VIEW_COLUMNS): poses, and what else is unknown."""
+    free = np.zeros((len(focal_known), VIEW_COLUMNS), dtype=bool)
+    free[:, :OFFSET] = True
+    free[1:, OFFSET] = offsets_free
+    free[:, FOCAL] = ~focal_known & focal_free
+    return free
+
+
+def readjust(assembly: Assembly, samples: BodySamples, bones: Bones, free: np.ndarray) -> Assembly:
+    """Return the assembly after an adjustment to new samples of its views.
+
+    Args:
+        assembly: initial poses.
+        samples: observations of its views, at the time offsets and focal lengths found so far.
+        bones: bones of the skeleton.
+        free: shape (view, VIEW_COLUMNS), bool: free parameters.
+    """
+    rotations, centers = assembly.state.rotations, assembly.state.centers
+    exchanged = exchanged_views(samples, rotations, centers)
+    labeled = samples.swapped(np.broadcast_to(exchanged[..., None], samples.observed.shape[:3]))
+    start = initial_state(labeled, bones, rotations, centers, assembly.state.log_focal)
+    start = replace(start, focal_spread=_FOCAL_SPREAD)
+    state = adjust_bodies(labeled, bones, start, free, _FINAL_ROUNDS)
+    return _assembly(assembly.views, labeled, state, exchanged, assembly.rejected)
+
+
+def _assembly(
+    views: Sequence[int],
+    samples: BodySamples,
+    state: BodyState,
+    exchanged: np.ndarray,
+    rejected: Mapping[int, float],
+) -> Assembly:
+    """Return an assembly with its residuals."""
+    residuals = residuals_of(samples, state)
+    median = np.array([_median(residuals[:, v]) for v in range(len(views))])
+    loss = np.log1p(np.minimum(residuals[~np.isnan(residuals)], 100.0) ** 2 / 3.0)
+    support = float((np.log1p(_OUTLIER**2 / 3.0) - loss).sum())
+    cost = float(loss.mean()) if len(loss) else np.inf
+    return Assembly(tuple(views), samples, state, cost, support, median, exchanged, rejected)
+
+
+@dataclass(frozen=True, eq=False)
+class _Assembler:
+    """Grow an assembly from one pair."""
+
+    samples: BodySamples
+    bones: Bones
+    edges: Edges
+    focal_known: np.ndarray
+    offsets_free: bool
+
+    def grow(self, a: int, b: int, geometry: PairGeometry) -> Assembly:
+        """Return the assembly that starts from one pair."""
+        views = [a, b]
+        rotations = np.stack([np.eye(3), geometry.rotation])
+        centers = np.stack([np.zeros(3), -geometry.rotation.T @ geometry.translation])
+        state = self._adjusted(views, rotations, centers, 1)
+        left = [v for v in range(self.samples.n_views) if v not in views]
+        rejected: dict[int, float] = {}
+        most = MAX_RATIO * max(geometry.noise, _MIN_NOISE)
+        while left:
+            v = max(left, key=lambda v: (self._connection(v, views), -v))
+            left.remove(v)
+            pose, median = self._locate(v, views, state)
+            if pose is None or median > most:
+                rejected[v] = median
+                continue
+            views.append(v)
+            rotations = np.concatenate([state.rotations, pose[None, :3]])
+            centers = np.concatenate([state.centers, pose[None, 3]])
+            state = self._adjusted(views, rotations, centers, 1)
+        return self._finished(views, state, rejected)
+
+    def _connection(self, view: int, views: list[int]) -> float:
+        """Return the support of a view by the geometries with other views."""
+        pairs = [tuple(sorted((view, other))) for other in views]
+        return sum(self.edges[pair][0].support for pair in pairs if self.edges.get(pair))  # type: ignore[index,misc]
+
+    def _labeled(self, views: list[int], rotations: np.ndarray, centers: np.ndarray) -> tuple[BodySamples, np.ndarray]:
+        """Return the observations of some views with corrected sides, and where they were exchanged."""
+        chosen = self.samples.select_views(views)
+        exchanged = exchanged_views(chosen, rotations, centers)
+        return chosen.swapped(np.broadcast_to(exchanged[..., None], chosen.observed.shape[:3])), exchanged
+
+    def _adjusted(self, views: list[int], rotations: np.ndarray, centers: np.ndarray, rounds: int) -> BodyState:
+        """Return the adjusted state of some views."""
+        labeled, _ = self._labeled(views, rotations, centers)
+        state = initial_state(labeled, self.bones, rotations, centers)
+        return adjust_bodies(labeled, self.bones, state, self._free(views, False), rounds)
+
+    def _free(self, views: list[int], final: bool) -> np.ndarray:
+        return free_parameters(self.focal_known[views], final and self.offsets_free, final)
+
+    def _locate(self, view: int, views: list[int], state: BodyState) -> tuple[np.ndarray | None, float]:
+        """Return the best pose of another view, shape (4, 3): rotation and center, and its median residual."""
+        best: tuple[float, np.ndarray | None] = (np.inf, None)
+        median = np.inf
+        observed = self.samples.observed[:, view]
+        for turn in self._rotations(view, views, state):
+            for mirrored in (False, True):
+                labeled = observed[:, self.samples.mirror] if mirrored else observed
+                shared = np.isfinite(labeled[..., 0]) & np.isfinite(state.points[..., 0])
+                if shared.sum() < MIN_SHARED:
+                    return None, np.inf
+                points, rays = np.ascontiguousarray(state.points[shared]), np.ascontiguousarray(labeled[shared])
+                rotation = np.ascontiguousarray(turn).copy()
+                center = _center(rotation, points, rays)
+                cost = refine_view(rotation, center, points, rays, _VIEW_STEPS)
+                if cost < best[0]:
+                    best = (cost, np.concatenate([rotation, center[None]]))
+                    residuals = np.empty((len(points), 1, 1))
+                    body_residuals(rotation[None], center[None], points[:, None], rays[:, None, None], residuals)
+                    median = _median(residuals)
+        return best[1], median
+
+    def _rotations(self, view: int, views: list[int], state: BodyState) -> list[np.ndarray]:
+        """Return the rotations of a view that its pairs with other views suggest."""
+        out = []
+        for place, other in enumerate(views):
+            pair = (min(view, other), max(view, other))
+            for geometry in self.edges.get(pair, ())[:_HYPOTHESES]:
+                turn = geometry.rotation if pair[0] == other else geometry.rotation.T
+                out.append(turn @ state.rotations[place])
+        return out
+
+    def _finished(self, views: list[int], state: BodyState, rejected: dict[int, float]) -> Assembly:
+        """Return the final adjustment of an assembly, with its views in order."""
+        order = np.argsort(views)
+        views = [views[i] for i in order]
+        rotations, centers = state.rotations[order], state.centers[order]
+        log_focal = np.zeros(len(views))
+        free = self._free(views, True)
+        # At first, unknown focal lengths have a common factor, which bodies determine better than single ones.
+        for rounds, spread in ((2, _COMMON_FOCAL), (_FINAL_ROUNDS, _FOCAL_SPREAD)):
+            labeled, exchanged = self._labeled(views, rotations, centers)
+            start = initial_state(labeled, self.bones, rotations, centers, log_focal)
+            state = adjust_bodies(labeled, self.bones, replace(start, focal_spread=spread), free, rounds)
+            rotations, centers, log_focal = state.rotations, state.centers, state.log_focal
+        return _assembly(views, labeled, state, exchanged, rejected)
+
+
+def _median(values: np.ndarray) -> float:
+    """Return the median of known values; infinite without any."""
+    known = values[~np.isnan(values)]
+    return float(np.median(known)) if len(known) else np.inf
+
+
+def _center(rotation: np.ndarray, points: np.ndarray, observed: np.ndarray) -> np.ndarray:
+    """Return the center of a view of known rotation: nearest to the lines of sight, reweighted."""
+    rays = observed[:, :3] @ rotation
+    weight = np.ones(len(points))
+    center = np.zeros(3)
+    for _ in range(_TRANSLATION_STEPS):
+        across = weight[:, None, None] * (np.eye(3) - rays[:, :, None] * rays[:, None])
+        center = np.linalg.lstsq(across.sum(axis=0), np.einsum("nij,nj->i", across, points), rcond=None)[0]
+        sight = points - center
+        squared = np.maximum((sight**2).sum(axis=1), 1e-12)
+        error = np.maximum(squared - (sight * rays).sum(axis=1) ** 2, 0.0) / squared
+        variance = observed[:, 9] ** 2
+        weight = 1.0 / ((3.0 + error / variance) * variance * squared)
+    return center

@@ -1,0 +1,209 @@
+"""Estimate poses, focal lengths, clocks and noise of cameras from people, with their covariance.
+
+It is the joint estimate of :mod:`posefuse.calibration.joint` with other priors: poses are free, and so are focal
+lengths that are not known. Errors of keypoints that are close to each other are similar, such as those of eyes, ears
+and nose; each of n close keypoints therefore counts as one n-th of an observation.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from posefuse.calibration.joint.equations import Rows
+from posefuse.calibration.joint.estimate import JointEstimate, estimate
+from posefuse.calibration.joint.parameters import JointParameters
+from posefuse.calibration.joint.recording import JointRecording
+from posefuse.calibration.joint.reweighted import reweighted
+from posefuse.calibration.people.held_out import held_out_errors
+from posefuse.calibration.people.joint_recording import NOISE_PER_WIDTH, joint_recording
+from posefuse.calibration.people.shared_focal import with_shared_focal
+from posefuse.calibration.people.views import MatchedViews, ViewTracks
+from posefuse.errors import CalibrationError
+from posefuse.kernels.calibration.joint import FOCAL, RADIAL
+from posefuse.model.cameras import Camera
+from posefuse.model.lenses import LensModel
+from posefuse.skeleton.skeletons import Skeleton
+
+_PRIOR_SD = np.array([3.0] * 3 + [20.0] * 3 + [1.0, 5e-4, 0.4, 0.15])
+"""Standard deviations of changes of the approximate calibration: rad, m, s, s/s, logarithm of a length, coefficient."""
+_KNOWN_LENS_SD = 1e-3, 1e-4
+_START_SAMPLES = 100
+_NEAR = 0.09
+"""Distance within which errors are similar, relative to the longest distance between two keypoints of a person."""
+
+
+@dataclass(frozen=True, eq=False)
+class PeopleEstimate:
+    """Hold a calibration from people.
+
+    The world is that of the approximate calibration: its origin, orientation and scale are those that fit the
+    approximate poses best. The covariance is in that gauge; clocks are relative to the mean clock.
+
+    Attributes:
+        cameras: with their estimated poses and focal lengths.
+        offset_s: shape (view,): true time of the timestamp 0, relative to the first view.
+        rate: shape (view,): true seconds per second of the timestamps, relative to the first view.
+        offset_sd_s: shape (view,): standard deviation of the offset to the first view in the middle of the recording.
+        covariance: shape (view, parameter, view, parameter): rotation about the camera's axes in rad, center in m,
+            time offset in the middle of the recording in s, drift in s/s, logarithm of the focal length and first
+            coefficient of radial distortion, 0 if all lenses are known.
+        time_s: shape (sample,): true times of ``points_m``.
+        points_m: shape (sample, person, keypoint, 3): NaN where not observed by two views.
+        bones_m: (person, first keypoint, second keypoint) to the length of each rigid bone.
+        noise_px: shape (view,): noise of detections at full confidence.
+        slow_share: share of the noise that persists for seconds.
+        held_out_px: shape (view,): median reprojection error of a view's detections by points of the other views, in
+            frames that the cameras were not estimated from; NaN where no two other views observe a person.
+        columns: shape (person, keypoint), int: column of each keypoint in the joint estimate, -1 without.
+        joint: the estimate behind it.
+    """
+
+    cameras: tuple[Camera, ...]
+    offset_s: np.ndarray
+    rate: np.ndarray
+    offset_sd_s: np.ndarray
+    covariance: np.ndarray
+    time_s: np.ndarray
+    points_m: np.ndarray
+    bones_m: Mapping[tuple[int, str, str], float]
+    noise_px: np.ndarray
+    slow_share: float
+    held_out_px: np.ndarray
+    columns: np.ndarray
+    joint: JointEstimate
+
+
+def estimate_people(matched: MatchedViews) -> PeopleEstimate:
+    """Estimate poses, focal lengths, clocks and noise of all views.
+
+    Args:
+        matched: observations with an approximate calibration.
+
+    Raises:
+        CalibrationError: if no two views observe the same person at the same time.
+    """
+    recording, place = joint_recording(matched)
+    prior_sd = _prior_sd(matched)
+    rough = estimate(recording, None, _START_SAMPLES, prior_sd)
+    if rough is None:
+        raise CalibrationError(
+            "No two views observe the same person at the same time. Film people where the images of the cameras "
+            "overlap, and check the time offsets."
+        )
+    recording = replace(recording, sigma=recording.sigma * _crowding(rough.rows, place))
+    joint = estimate(recording, rough.parameters, prior_sd=prior_sd) or rough
+    joint = reweighted(joint, recording, prior_sd)
+    joint = with_shared_focal(joint, recording, prior_sd, _unknown_log_focal(matched))
+    return _result(matched, recording, joint, place, held_out_errors(recording, joint, prior_sd))
+
+
+def _prior_sd(matched: MatchedViews) -> np.ndarray:
+    """Return the standard deviations of the prior, with columns for the lens if any is unknown."""
+    out = np.tile(_PRIOR_SD, (len(matched.views), 1))
+    known = np.array([view.focal_known for view in matched.views])
+    out[known, FOCAL:] = _KNOWN_LENS_SD
+    out[[not _is_lens_unknown(view) for view in matched.views], RADIAL] = _KNOWN_LENS_SD[1]
+    return out[:, :FOCAL] if known.all() else out
+
+
+def _unknown_log_focal(matched: MatchedViews) -> np.ndarray:
+    """Return the logarithm of the approximate focal lengths relative to the image size; NaN where they are known."""
+    cameras = [view.camera for view in matched.views]
+    relative = np.log([camera.matrix[0, 0] / max(camera.size_px) for camera in cameras])
+    return np.where([view.focal_known for view in matched.views], np.nan, relative)
+
+
+def _crowding(rows: Rows, place: np.ndarray) -> np.ndarray:
+    """Return the factors of the noise that account for similar errors of close keypoints, shape (column,)."""
+    out = np.ones(rows.points_m.shape[1])
+    for columns in place:
+        chosen = columns[columns >= 0]
+        points = rows.points_m[:, chosen]
+        apart = np.full((len(chosen), len(chosen)), np.inf)
+        for a in range(len(chosen)):
+            distances = np.linalg.norm(points - points[:, a : a + 1], axis=-1)
+            known = np.isfinite(distances).any(axis=0)
+            apart[a, known] = np.nanmedian(distances[:, known], axis=0)
+        longest = apart[np.isfinite(apart)].max(initial=0.0)
+        if longest > 0.0:
+            similar = np.exp(-np.square(apart / (_NEAR * longest)))
+            out[chosen] = np.sqrt(np.maximum(similar.sum(axis=1), 1.0))
+    return out
+
+
+def _result(
+    matched: MatchedViews, recording: JointRecording, joint: JointEstimate, place: np.ndarray, held_out: np.ndarray
+) -> PeopleEstimate:
+    """Return the result in the units of the user."""
+    views, parameters = matched.views, joint.parameters
+    n, size = len(views), parameters.size
+    covariance = np.zeros((n, RADIAL + 1, n, RADIAL + 1))
+    covariance[:, :size, :, :size] = joint.covariance.reshape(n, size, n, size)
+    offset_s, rate = _clocks(matched, joint)
+    clocks = covariance[:, 6, :, 6]
+    difference = np.diag(clocks) + clocks[0, 0] - 2.0 * clocks[0]
+    columns = np.where(place >= 0, place, 0)
+    points = np.where((place >= 0)[..., None], joint.rows.points_m[:, columns], np.nan)
+    wide = np.array([NOISE_PER_WIDTH * max(view.camera.size_px) for view in views])
+    focal = np.array([view.camera.matrix[0, 0] for view in views])
+    if parameters.log_focal is not None:
+        focal = focal * np.exp(parameters.log_focal)
+    return PeopleEstimate(
+        cameras=tuple(_camera(view, parameters, v) for v, view in enumerate(views)),
+        offset_s=offset_s,
+        rate=rate,
+        offset_sd_s=np.sqrt(np.maximum(difference, 0.0)),
+        covariance=covariance,
+        time_s=recording.moments_s[joint.rows.frames],
+        points_m=points,
+        bones_m=_bones(matched.skeleton, points),
+        noise_px=wide * joint.noise_scale,
+        slow_share=joint.law.slow,
+        held_out_px=held_out * focal,
+        columns=place,
+        joint=joint,
+    )
+
+
+def _is_lens_unknown(view: ViewTracks) -> bool:
+    """Return whether the distortion of a view is estimated, as its focal length is."""
+    return not view.focal_known and view.camera.lens is LensModel.PINHOLE
+
+
+def _camera(tracks: ViewTracks, parameters: JointParameters, view: int) -> Camera:
+    """Return a camera with its estimated pose and lens."""
+    camera = tracks.camera
+    pose, matrix = np.eye(4), np.array(camera.matrix)
+    pose[:3, :3] = parameters.rotation[view]
+    pose[:3, 3] = -parameters.rotation[view] @ parameters.center_m[view]
+    if parameters.log_focal is not None:
+        matrix[:2, :2] *= np.exp(parameters.log_focal[view])
+    camera = replace(camera, matrix=matrix, camera_from_world=pose)
+    if parameters.radial is None or not _is_lens_unknown(tracks):
+        return camera
+    return replace(camera, lens=LensModel.BROWN, distortion=(float(parameters.radial[view]), 0.0, 0.0, 0.0, 0.0))
+
+
+def _clocks(matched: MatchedViews, joint: JointEstimate) -> tuple[np.ndarray, np.ndarray]:
+    """Return the true times of timestamp 0 and the rates of all clocks, relative to the first view."""
+    offset, drift = joint.parameters.offset_s, joint.parameters.drift
+    start_s = matched.offset_s * (1.0 + drift) + offset - drift * joint.middle_s
+    rate = matched.rate * (1.0 + drift)
+    return (start_s - start_s[0]) / rate[0], rate / rate[0]
+
+
+def _bones(skeleton: Skeleton, points_m: np.ndarray) -> dict[tuple[int, str, str], float]:
+    """Return the median lengths of the rigid bones of each person, the same on both sides."""
+    out: dict[tuple[int, str, str], float] = {}
+    for person in range(points_m.shape[1]):
+        for names in skeleton.rigid:
+            a, b = (skeleton.index(name) for name in names)
+            sides = ((a, b), (int(skeleton.mirror[a]), int(skeleton.mirror[b])))
+            lengths = np.concatenate(
+                [np.linalg.norm(points_m[:, person, i] - points_m[:, person, j], axis=-1) for i, j in sides]
+            )
+            if np.isfinite(lengths).any():
+                for i, j in sides:
+                    out[person, skeleton.keypoints[i], skeleton.keypoints[j]] = float(np.nanmedian(lengths))
+    return out
