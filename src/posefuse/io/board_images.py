@@ -1,7 +1,8 @@
 """Images of a calibration board: one video per camera, or one folder of pictures per camera."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+import contextlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,12 @@ import numpy as np
 from posefuse.errors import FileError, RecordingError
 from posefuse.io.files import must_exist, natural_key
 from posefuse.io.videos.library import import_pyav
-from posefuse.io.videos.reader import VIDEO_ENDINGS, open_video
+from posefuse.io.videos.reader import VIDEO_ENDINGS, image_times_s, open_video
 
 PICTURE_ENDINGS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp")
 _MAX_DEPTH = 3
+_MAX_LEVELS = 3
+_BOARD_FOLDERS = ("calib", "board", "charuco", "checkerboard")
 
 
 @dataclass(frozen=True)
@@ -55,15 +58,7 @@ def find_images(folder: Path) -> tuple[ViewImages, ...]:
     must_exist(folder, "folder of images")
     if folder.is_file():
         return (ViewImages(folder.stem, (folder,), is_video=folder.suffix.lower() in VIDEO_ENDINGS),)
-    sets: list[tuple[Path, tuple[ViewImages, ...]]] = []
-    for place in _folders(folder):
-        videos = _files(place, VIDEO_ENDINGS)
-        if videos:
-            sets.append((place, tuple(ViewImages(file.stem, (file,), is_video=True) for file in videos)))
-        pictures = [(inside, _files(inside, PICTURE_ENDINGS)) for inside in _subfolders(place)]
-        views = tuple(ViewImages(inside.name, files, is_video=False) for inside, files in pictures if files)
-        if views:
-            sets.append((place, views))
+    sets = _image_sets(folder)
     if len(sets) == 1:
         return sets[0][1]
     if not sets:
@@ -73,6 +68,40 @@ def find_images(folder: Path) -> tuple[ViewImages, ...]:
         )
     listed = "".join(f"\n  {place}  ({len(views)} {_kind(views)})" for place, views in sets)
     raise RecordingError(f"{folder} has {len(sets)} sets of images. Give the folder of one:{listed}")
+
+
+def _image_sets(folder: Path) -> list[tuple[Path, tuple[ViewImages, ...]]]:
+    """Return the sets of images below a folder, with the folder of each."""
+    sets: list[tuple[Path, tuple[ViewImages, ...]]] = []
+    for place in _folders(folder):
+        videos = _files(place, VIDEO_ENDINGS)
+        if videos:
+            sets.append((place, tuple(ViewImages(file.stem, (file,), is_video=True) for file in videos)))
+        pictures = [(inside, _files(inside, PICTURE_ENDINGS)) for inside in _subfolders(place)]
+        views = tuple(ViewImages(inside.name, files, is_video=False) for inside, files in pictures if files)
+        if views:
+            sets.append((place, views))
+    return sets
+
+
+def find_board_folder(recording: Path) -> Path | None:
+    """Return the folder with images of a board that belong to a recording, or None.
+
+    Its name starts with calib, or, in the recording, with board, charuco or checkerboard. A folder up to two levels
+    above the recording serves all recordings of a session.
+
+    Args:
+        recording: folder or file of the recording.
+    """
+    start = recording.resolve()
+    for level in [start, *start.parents][:_MAX_LEVELS]:
+        names = _BOARD_FOLDERS if level == start else _BOARD_FOLDERS[:1]
+        if level.is_dir():
+            with contextlib.suppress(OSError):
+                for inside in _subfolders(level):
+                    if inside.name.lower().startswith(names) and _image_sets(inside):
+                        return inside
+    return None
 
 
 def _kind(views: tuple[ViewImages, ...]) -> str:
@@ -97,26 +126,50 @@ def _files(folder: Path, endings: tuple[str, ...]) -> tuple[Path, ...]:
     return tuple(sorted(files, key=lambda path: natural_key(path.name)))
 
 
-def gray_images(view: ViewImages, every: int = 1) -> Iterator[GrayImage]:
-    """Yield the images of a camera.
+@dataclass(frozen=True)
+class ImageReader:
+    """The images of one camera, being read.
 
-    Args:
+    Attributes:
         view: the camera's images.
-        every: interval of the images of a video that are yielded; all pictures are.
+        notes: a sentence if a video breaks off, once it was read.
+    """
+
+    view: ViewImages
+    notes: list[str] = field(default_factory=list)
+
+    def images(self, only: Callable[[int], bool] | None = None) -> Iterator[GrayImage]:
+        """Yield the images in order; those of a video that breaks off up to there.
+
+        Args:
+            only: whether the image of a number is wanted; None for all.
+
+        Raises:
+            FileError: if a picture, or the first image of a video, cannot be read.
+        """
+        view = self.view
+        if not view.is_video:
+            for number, file in enumerate(view.files):
+                if only is None or only(number):
+                    yield GrayImage(number, float("nan"), _first_image(file))
+            return
+        reader = open_video(view.files[0])
+        for image in reader.images(pixel_format="gray", only=only):
+            yield GrayImage(image.number, image.time_s, image.rgb)
+        if reader.error:
+            self.notes.append(
+                f"The video of camera {view.name!r} breaks off after {reader.n_read} images ({reader.error}); the "
+                "images before that are used."
+            )
+
+
+def image_count(view: ViewImages) -> int:
+    """Return the number of images of a camera, counted without decoding a video.
 
     Raises:
-        FileError: if an image cannot be read.
+        FileError: if a video cannot be read.
     """
-    if not view.is_video:
-        for number, file in enumerate(view.files):
-            yield GrayImage(number, float("nan"), _first_image(file))
-        return
-    reader = open_video(view.files[0])
-    yield from (
-        GrayImage(image.number, image.time_s, image.rgb)
-        for image in reader.images(pixel_format="gray")
-        if image.number % every == 0
-    )
+    return len(image_times_s(view.files[0])) if view.is_video else len(view.files)
 
 
 def _first_image(file: Path) -> np.ndarray:

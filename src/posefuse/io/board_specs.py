@@ -7,14 +7,15 @@
 * sleap-anipose's ``board.toml``: ``board_x, board_y, square_length, marker_length, marker_bits, dict_size``.
 """
 
+import contextlib
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from posefuse.errors import CalibrationError, FileError, choices, suggestion
+from posefuse.errors import CalibrationError, FileError, PosefuseError, choices, suggestion
 from posefuse.io.files import must_exist, reading
 from posefuse.model.board import BOARD_KINDS, Board
 
@@ -45,6 +46,16 @@ def read_board_spec(spec: str | Path) -> Board:
     raise CalibrationError(
         f"{text!r} describes no board. {suggestion(kind, BOARD_KINDS)} Give it as {EXAMPLE!r}, or name a TOML file."
     )
+
+
+def find_board_spec(folders: Iterable[Path]) -> Path | None:
+    """Return the first TOML file in some folders that describes a board, or None."""
+    for folder in folders:
+        for file in sorted(folder.glob("*.toml")):
+            with contextlib.suppress(PosefuseError):
+                _from_file(file)
+                return file
+    return None
 
 
 def _from_text(text: str) -> Board:

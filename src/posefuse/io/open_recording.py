@@ -29,12 +29,15 @@ class RecordingInputs:
         keypoints: file or folder of 2D keypoints; None to use those in the recording's folder.
         timestamps: table or folder of frame times; None to use those in the recording's folder, if any.
         edits: TOML file of edits to apply to the result, or None.
+        board: description of the board, or its file, to calibrate the cameras of a recording that has images of a
+            board instead of a calibration; None to use the description beside the images, if any.
     """
 
     calibration: Path | None = None
     keypoints: Path | None = None
     timestamps: Path | None = None
     edits: Path | None = None
+    board: str | None = None
 
 
 @dataclass(frozen=True)

@@ -30,8 +30,7 @@ def check_new_files(files: Iterable[Path], *, overwrite: bool, target: str = "`o
     first, *others = existing
     if not others:
         raise exists_error(f"{first} exists already", target)
-    names = choices([file.name for file in existing], _MOST_NAMES)
-    raise exists_error(f"{first.parent} already contains {names}", target)
+    raise exists_error(f"{choices([str(file) for file in existing], _MOST_NAMES)} exist already", target)
 
 
 def check_new_folder(folder: Path, *, overwrite: bool, marker: str = "", target: str = "`output`") -> None:

@@ -9,6 +9,8 @@ import numpy as np
 
 from posefuse.errors import FileError, PosefuseError, RecordingError
 from posefuse.io import timestamps
+from posefuse.io.board_images import find_board_folder
+from posefuse.io.board_specs import EXAMPLE
 from posefuse.io.calibration.read import find_format as calibration_format
 from posefuse.io.calibration.read import read_cameras
 from posefuse.io.files import files_at, must_exist, natural_key, read_npz
@@ -23,6 +25,8 @@ from posefuse.io.keypoints.registry import KEYPOINTS
 from posefuse.io.keypoints.request import Request
 from posefuse.model.options.options import Options
 
+CALIBRATION_FILE = "calibration.toml"
+"""Name of the calibration that is made from images of a board."""
 _SEARCH_DEPTH = 4
 _CALIBRATION_SUFFIXES = (
     ".toml", ".txt", ".xml", ".xcp", ".yml", ".yaml", ".json", ".mat", ".parquet", ".calib", ".pickle", ".npy", ".npz",
@@ -176,6 +180,13 @@ def choose_calibration(recording: Recording) -> Path:
         broken = next(_broken_calibrations(recording.folder), None)
         if broken is not None:
             raise RecordingError(f"{recording.folder} has one calibration, which cannot be read. {broken}")
+        images = find_board_folder(recording.folder)
+        if images is not None:
+            raise RecordingError(
+                f"{recording.folder} has no calibration, but {images} has images. If they show a board, add "
+                f"`board='{EXAMPLE}'` with the kind and size of your board, or calibrate with posefuse calibrate "
+                f"{images} --board {EXAMPLE} --output {images / CALIBRATION_FILE}."
+            )
     return _choose(recording.calibrations, recording, "calibrations", "calibration")
 
 

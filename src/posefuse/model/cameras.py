@@ -5,8 +5,8 @@ Cameras follow OpenCV: x right, y down, z forward; pixel (0, 0) is the center of
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property, lru_cache
 from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
@@ -15,6 +15,7 @@ from posefuse.arguments import Shape, checked
 from posefuse.arrays import PickledByFields, frozen, same
 from posefuse.errors import CameraError, MatchError, choices, suggestion
 from posefuse.kernels.records import CameraArrays
+from posefuse.model.camera_covariance import CameraCovariance
 from posefuse.model.lenses import LensModel, lens_from_opencv
 from posefuse.model.up_axis import UP_AXES, InferredUp, UpAxis, up_vector
 
@@ -167,7 +168,8 @@ class Camera(PickledByFields):
         k = self.matrix
         row[columns.FX : columns.SKEW + 1] = k[0, 0], k[1, 1], k[0, 2], k[1, 2], k[0, 1]
         row[columns.K1 : columns.K1 + len(self.distortion)] = self.distortion
-        row[columns.MAX_RADIUS] = columns.fold_radius(int(row[columns.LENS]), row[columns.K1 : columns.MAX_RADIUS])
+        coefficients = tuple(row[columns.K1 : columns.MAX_RADIUS].tolist())
+        row[columns.MAX_RADIUS] = _fold_radius(int(row[columns.LENS]), coefficients)
         row[columns.ROTATION : columns.TRANSLATION] = self.rotation.ravel()
         row[columns.TRANSLATION : columns.PROJECTION] = self.translation_m
         row[columns.PROJECTION :] = (k @ self.camera_from_world[:3])[:2].ravel()
@@ -196,6 +198,7 @@ class CameraRig(PickledByFields):
         notes: notes of the reader.
         left_out: names of cameras with an invalid calibration; their views are not used.
         calibrated: False for a single camera without calibration, whose matrix and pose are placeholders.
+        covariances: of the cameras whose calibration states it, by the name of the camera; not part of comparisons.
 
     Raises:
         CameraError: if the rig is empty, a name is repeated, or the axis is unknown.
@@ -209,11 +212,13 @@ class CameraRig(PickledByFields):
     left_out: tuple[str, ...] = ()
     calibrated: bool = True
     inferred_up: InferredUp | None = None
+    covariances: tuple[CameraCovariance, ...] = field(default=(), compare=False)
     min_cameras: ClassVar[int] = 1
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cameras", tuple(self.cameras))
         object.__setattr__(self, "left_out", tuple(self.left_out))
+        object.__setattr__(self, "covariances", tuple(self.covariances))
         if len(self.cameras) < self.min_cameras:
             raise CameraError(f"A rig needs at least one camera; {self.source or 'this one'} has none.")
         repeated = sorted({name for name in self.names if self.names.count(name) > 1})
@@ -262,6 +267,10 @@ class CameraRig(PickledByFields):
             raise MatchError(f"No camera {name!r} in the calibration. {suggestion(name, self.names)}")
         return self.names.index(name)
 
+    def covariance(self, name: str) -> CameraCovariance | None:
+        """Return the covariance of a camera's parameters, or None if it is unknown."""
+        return next((each for each in self.covariances if each.camera == name), None)
+
     def select(self, names: Iterable[str]) -> "CameraRig":
         """Return a rig of the named cameras, in the given order."""
         return replace(self, cameras=tuple(self[name] for name in names))
@@ -302,6 +311,14 @@ def vector_from_rotation(rotation: np.ndarray) -> np.ndarray:
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_matrix(rotation).as_rotvec()
+
+
+@lru_cache(maxsize=256)
+def _fold_radius(lens: int, coefficients: tuple[float, ...]) -> float:
+    """Return the fold of a lens model, once for each lens: adjustments move cameras many times."""
+    from posefuse.kernels.cameras.lens import fold_radius
+
+    return fold_radius(lens, np.array(coefficients))
 
 
 def _numbers(camera: str, field: str, values: Any) -> np.ndarray:

@@ -1,18 +1,24 @@
 """Calibrate cameras by the corners of a board: lenses, then poses and clocks."""
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from posefuse.calibration.boards.accuracy import Distances, board_distances
-from posefuse.calibration.boards.covariance import camera_covariance
-from posefuse.calibration.boards.extrinsics import BoardSolution, solve_extrinsics
+from posefuse.calibration.boards.covariance import joint_covariance, stated_covariances
+from posefuse.calibration.boards.extrinsics import BoardSolution, solve_extrinsics, timed_poses
+from posefuse.calibration.boards.held_out import HeldOutErrors, held_out_errors
 from posefuse.calibration.boards.intrinsics import LENSES, Intrinsics, coverage, estimate_intrinsics
 from posefuse.calibration.boards.observations import corner_observations
+from posefuse.calibration.boards.start_times import start_offsets_s
 from posefuse.errors import CalibrationError
 from posefuse.model.board import Board
 from posefuse.model.cameras import Camera, CameraRig, LensModel
 from posefuse.model.detections import Detections
+from posefuse.preprocess.timeline import align_views
+
+Clocks = Literal["synchronized", "offset", "independent"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +29,7 @@ class CameraReport:
         name: name of the camera.
         n_images: number of images that show the board in the adjustment.
         error_px: root mean square distance between projected and detected corners.
+        held_out_px: the same in frames that were held out, see :attr:`BoardCalibration.held_out`.
         covered: shape (rows, columns) of the image grid, bool: cells that contained corners.
         rotation_sd_deg: standard deviation of the rotation relative to the reference camera, in the worst direction.
         center_sd_m: standard deviation of the position, in the worst direction.
@@ -35,6 +42,7 @@ class CameraReport:
     name: str
     n_images: int
     error_px: float
+    held_out_px: float
     covered: np.ndarray
     rotation_sd_deg: float
     center_sd_m: float
@@ -52,25 +60,38 @@ class BoardCalibration:
         rig: the cameras. The world is the reference camera, or the board of one frame.
         board: the board.
         cameras: one report per camera, in the order of the rig.
-        covariance: shape (view, 19, 19), see :func:`posefuse.calibration.boards.covariance.camera_covariance`.
+        joint_covariance: covariance of the 19 parameters of all cameras, by view and parameter twice, see
+            :func:`posefuse.calibration.boards.covariance.joint_covariance`.
         distances: accuracy of distances on the board.
         error_px: root mean square distance between projected and detected corners of all views.
+        held_out: errors in frames that the cameras were not calibrated with.
         n_corners: number of corners.
         n_frames: number of frames with the board.
+        frame_numbers: shape (pose,), int64: number of the frame of each pose of the board.
         shared: shape (view, other): number of frames that two cameras share, for every pair of views.
         solution: cameras in the world of the reference camera, and poses of the board.
+        notes: sentences on the images, such as that a video breaks off.
     """
 
     rig: CameraRig
     board: Board
     cameras: tuple[CameraReport, ...]
-    covariance: np.ndarray
+    joint_covariance: np.ndarray
     distances: Distances
     error_px: float
+    held_out: HeldOutErrors
     n_corners: int
     n_frames: int
+    frame_numbers: np.ndarray
     shared: np.ndarray
     solution: BoardSolution
+    notes: tuple[str, ...] = ()
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance of the parameters of each camera, shape (view, 19, 19)."""
+        views = np.arange(len(self.cameras))
+        return self.joint_covariance[views, :, views]
 
 
 def calibrate_board(
@@ -82,6 +103,7 @@ def calibrate_board(
     refine_intrinsics: bool = False,
     lens: LensModel | None = None,
     origin_frame: int | None = None,
+    clocks: Clocks = "offset",
 ) -> BoardCalibration:
     """Calibrate cameras by a board that they see together.
 
@@ -94,6 +116,8 @@ def calibrate_board(
         lens: lens model of estimated lenses; None to choose the one that predicts held-out images best.
         origin_frame: number of the frame whose board defines the world, z up for a board that lies on the floor; None
             for the world of the first connected camera.
+        clocks: ``synchronized`` for views without time offsets, ``offset`` to estimate small ones if times are known,
+            ``independent`` for views that may have started up to some seconds apart.
 
     Raises:
         CalibrationError: if the images do not determine the cameras; the message states what to film.
@@ -109,12 +133,32 @@ def calibrate_board(
         else:
             lenses = LENSES if lens is None else (lens,)
             known.append(estimate_intrinsics(name, sizes_px[name], board, own, lenses))
+    starts_s = np.zeros(detections.n_views)
+    if clocks == "independent":
+        starts_s = start_offsets_s(timed_poses(tuple(each.camera for each in known), board, corners))
+        starts_s = starts_s - starts_s[0]
+        if starts_s.any():
+            detections = align_views(replace(detections, time_s=detections.time_s + starts_s))
+            corners = corner_observations(detections, board)
     free = tuple(refine_intrinsics or not each.given for each in known)
     has_rate = bool(np.isfinite(detections.time_s).any()) or detections.rate_hz is not None
+    has_rate = has_rate and clocks != "synchronized"
     solution = solve_extrinsics(
         tuple(each.camera for each in known), board, corners, free_lenses=free, has_rate=has_rate
     )
-    return _summarize(solution, known, _world(solution, detections, origin_frame), has_rate=has_rate)
+    rig = _world(solution, detections, origin_frame)
+    result = _summarize(solution, known, rig, detections.frame_numbers, has_rate=has_rate)
+    return _with_starts(result, starts_s) if starts_s.any() else result
+
+
+def _with_starts(result: BoardCalibration, starts_s: np.ndarray) -> BoardCalibration:
+    """Return the calibration with time offsets relative to the given clocks."""
+    cameras = tuple(
+        replace(report, offset_s=report.offset_s + float(start))
+        for report, start in zip(result.cameras, starts_s, strict=True)
+    )
+    note = "The videos did not start together; they were aligned by the motion of the board."
+    return replace(result, cameras=cameras, notes=(*result.notes, note))
 
 
 def _require_views(detections: Detections, view: np.ndarray) -> None:
@@ -123,6 +167,12 @@ def _require_views(detections: Detections, view: np.ndarray) -> None:
     if len(blind) == detections.n_views:
         raise CalibrationError(
             "No image shows the board. Check its description, and that it is flat, sharp and well lit."
+        )
+    if len(blind) == detections.n_views - 1:
+        name = next(each for each in detections.view_names if each not in blind)
+        raise CalibrationError(
+            f"Only camera {name!r} shows the board. Film it where at least two cameras see it at the same time, or "
+            "check that all videos are of the board."
         )
     if blind:
         raise CalibrationError(
@@ -150,18 +200,22 @@ def _world(solution: BoardSolution, detections: Detections, origin_frame: int | 
     return replace(rig, cameras=cameras, up_axis="z")
 
 
-def _summarize(solution: BoardSolution, known: list[Intrinsics], rig: CameraRig, *, has_rate: bool) -> BoardCalibration:
+def _summarize(
+    solution: BoardSolution, known: list[Intrinsics], rig: CameraRig, frame_numbers: np.ndarray, *, has_rate: bool
+) -> BoardCalibration:
     """Return the calibration with its accuracy."""
     model, seen = solution.model, solution.model.observations
-    errors, covariance = model.errors_px(), camera_covariance(solution)
+    errors, covariance = model.errors_px(), joint_covariance(solution)
+    held_out = held_out_errors(solution)
     reports = []
     for v, (camera, each) in enumerate(zip(rig.cameras, known, strict=True)):
-        own, block = seen.view == v, covariance[v]
+        own, block = seen.view == v, covariance[v, :, v]
         reports.append(
             CameraReport(
                 name=camera.name,
                 n_images=len(np.unique(seen.point[own])),
                 error_px=float(np.sqrt(np.mean(errors[own] ** 2))),
+                held_out_px=float(held_out.by_view_px[v]),
                 covered=each.covered,
                 rotation_sd_deg=float(np.degrees(np.sqrt(np.linalg.eigvalsh(block[:3, :3])[-1]))),
                 center_sd_m=float(np.sqrt(np.linalg.eigvalsh(block[3:6, 3:6])[-1])),
@@ -172,14 +226,16 @@ def _summarize(solution: BoardSolution, known: list[Intrinsics], rig: CameraRig,
             )
         )
     return BoardCalibration(
-        rig=rig,
+        rig=replace(rig, covariances=stated_covariances(solution, covariance)),
         board=model.board,
         cameras=tuple(reports),
-        covariance=covariance,
+        joint_covariance=covariance,
         distances=board_distances(solution),
         error_px=float(np.sqrt(np.mean(errors**2))),
+        held_out=held_out,
         n_corners=len(errors),
         n_frames=seen.n_points,
+        frame_numbers=frame_numbers[seen.frame],
         shared=solution.graph.shared,
         solution=solution,
     )

@@ -5,11 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from posefuse.calibration.adjust import descend, estimate, noise_factors
+from posefuse.calibration.boards.choose_frames import choose_poses
 from posefuse.calibration.boards.intrinsics import fitted_poses
 from posefuse.calibration.boards.model import BoardModel
 from posefuse.calibration.boards.observations import CornerObservations
 from posefuse.calibration.boards.parameters import N_PARAMETERS, OFFSET, POSE, LensPrior, free_lens
 from posefuse.calibration.boards.pose_graph import CameraGraph, ViewPoses, connect
+from posefuse.calibration.boards.start_times import TimedPoses
 from posefuse.calibration.normal_equations import ResidualRows
 from posefuse.errors import CalibrationError, choices
 from posefuse.model.board import Board
@@ -67,7 +69,7 @@ def solve_extrinsics(
     graph = connect(views)
     _require_connected(graph, [camera.name for camera in cameras])
     rig = CameraRig(tuple(_placed(c, graph.rotations[v], graph.translations_m[v]) for v, c in enumerate(cameras)))
-    corners = corners.select_poses(_spread(corners))
+    corners = corners.select_poses(choose_poses(corners, [camera.size_px for camera in cameras], _MAX_POSES))
     rotations, origins, known = _board_poses(rig, views, board, corners)
     corners = corners.select_poses(known)
     priors = tuple(LensPrior.of(camera) for camera in cameras)
@@ -91,12 +93,24 @@ def _with_motion(model: BoardModel, free: np.ndarray, scale: np.ndarray) -> tupl
     for _ in range(_MOTION_ITERATIONS):
         before = model.offset_s
         model = model.moving()
-        model, rows, damping = descend(model, free, scale, 1e-3, 1e-6)
+        model, rows, damping = descend(model, free, scale, 1e-3, 1e-4)
         scale = noise_factors(rows, scale, model.observations)
         if np.abs(model.offset_s - before).max() < _CONVERGED_S:
             break
     model, rows, _ = descend(model, free, scale, damping, 1e-7)
     return model, scale, rows
+
+
+def timed_poses(cameras: tuple[Camera, ...], board: Board, corners: CornerObservations) -> list[TimedPoses]:
+    """Return the poses of the board in each camera, at the times of its images."""
+    views = []
+    for v, camera in enumerate(cameras):
+        poses = _view_poses(camera, board, corners, v)
+        of_view = corners.view == v
+        frames, first = np.unique(corners.frame[corners.point[of_view]], return_index=True)
+        times = (corners.time_s[corners.point] + corners.delay_s)[of_view][first]
+        views.append(TimedPoses(times[np.searchsorted(frames, poses.frames)], poses))
+    return views
 
 
 def _view_poses(camera: Camera, board: Board, corners: CornerObservations, view: int) -> ViewPoses:
@@ -132,14 +146,6 @@ def _placed(camera: Camera, rotation: np.ndarray, translation: np.ndarray) -> Ca
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation, translation
     return replace(camera, camera_from_world=pose)
-
-
-def _spread(corners: CornerObservations) -> np.ndarray:
-    """Return which poses are used: those evenly spaced in time, if there are many, shape (pose,), bool."""
-    chosen = np.zeros(corners.n_points, dtype=bool)
-    count = min(_MAX_POSES, corners.n_points)
-    chosen[np.linspace(0, corners.n_points - 1, count).astype(np.int64)] = True
-    return chosen
 
 
 def _board_poses(

@@ -22,7 +22,7 @@ from posefuse.calibration.boards.parameters import (
 )
 from posefuse.calibration.normal_equations import Prior, ResidualRows, residual_rows
 from posefuse.model.board import Board
-from posefuse.model.cameras import Camera, CameraRig, rotation_from_vector
+from posefuse.model.cameras import Camera, CameraRig
 
 _MAX_GAP_S = 0.5
 _CORNER_PX = 0.2
@@ -111,7 +111,7 @@ class BoardModel:
     def moved(self, change: np.ndarray, step: np.ndarray) -> "BoardModel":
         """Return the model after changes of the cameras (view, 19) and of the poses (pose, 6)."""
         cameras = tuple(changed(camera, row) for camera, row in zip(self.rig.cameras, change, strict=True))
-        turns = np.array([rotation_from_vector(row) for row in step[:, :3]])
+        turns = Rotation.from_rotvec(step[:, :3]).as_matrix()
         return replace(
             self,
             rig=replace(self.rig, cameras=cameras),
@@ -127,6 +127,16 @@ class BoardModel:
         """
         motion = Motion.of(self.rotations, self.origins_m, self.observations.time_s)
         return replace(self, motion=motion, observations=self.observations.closest(self.offset_s))
+
+    def select_poses(self, chosen: np.ndarray) -> "BoardModel":
+        """Return the model of some poses, which keep their motion; ``chosen`` has shape (pose,), bool."""
+        return replace(
+            self,
+            rotations=self.rotations[chosen],
+            origins_m=self.origins_m[chosen],
+            motion=self.motion.at(np.flatnonzero(chosen)),
+            observations=self.observations.select_poses(chosen),
+        )
 
     def corner_places(self) -> np.ndarray:
         """Return all corners at the times of the poses, shape (pose, corner, 3), in the world."""
@@ -148,6 +158,10 @@ class BoardModel:
         """Return distances between projected and detected corners, shape (observation,)."""
         rows = self.rows(np.ones(self.n_views))
         return _CORNER_PX * np.sqrt(rows.squared)
+
+    def residuals_px(self) -> np.ndarray:
+        """Return projected minus detected corners, shape (observation, 2)."""
+        return _CORNER_PX * self.rows(np.ones(self.n_views)).residual
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,9 @@ OFFSET = 18
 
 N_COEFFICIENTS = {LensModel.PINHOLE: 0, LensModel.BROWN: 5, LensModel.RATIONAL: 8, LensModel.FISHEYE: 4}
 
+_COEFFICIENT_NAMES = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+_FISHEYE_NAMES = ("k1", "k2", "k3", "k4")
+
 _PRINCIPAL_SD_SHARE = 0.1
 _ASPECT_SD = 0.01
 _COEFFICIENT_SD = {LensModel.PINHOLE: 1.0, LensModel.BROWN: 0.5, LensModel.RATIONAL: 1.0, LensModel.FISHEYE: 0.5}
@@ -59,6 +62,11 @@ class LensPrior:
         at = np.arange(DISTORTION.start, DISTORTION.start + n)
         precision[at, at] = 1.0 / sd**2
         return cls(mean, precision)
+
+
+def coefficient_names(lens: LensModel) -> tuple[str, ...]:
+    """Return the names of the distortion coefficients of a lens model, in order."""
+    return _FISHEYE_NAMES if lens is LensModel.FISHEYE else _COEFFICIENT_NAMES[: N_COEFFICIENTS[lens]]
 
 
 def lens_values(camera: Camera) -> np.ndarray:

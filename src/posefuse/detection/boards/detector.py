@@ -13,7 +13,8 @@ import numpy as np
 from posefuse.detection.boards.library import dictionary_of, import_opencv
 from posefuse.model.board import APRILTAG_DICTIONARIES, ARUCO_DICTIONARIES, Board, marker_count
 
-_MIN_CORNERS = 4
+MIN_CORNERS = 4
+"""Fewest corners of an image that are used."""
 _REFINE_SHARE = 0.35
 _REFINE_HALF_PX = (2, 15)
 _REFINE_STEPS = 30
@@ -43,6 +44,11 @@ class BoardDetector:
             "apriltag": self._markers,
         }[self.board.kind]
 
+    @property
+    def library_version(self) -> str:
+        """Version of OpenCV."""
+        return import_opencv().__version__
+
     def __getstate__(self) -> dict[str, Any]:
         return {"board": self.board, "thorough": self.thorough}
 
@@ -57,7 +63,7 @@ class BoardDetector:
         """
         out = np.full((len(self.board.points_m), 2), np.nan)
         numbers, pixels = self._detect(255 - gray if self.board.inverted else gray)
-        if len(numbers) >= _MIN_CORNERS:
+        if len(numbers) >= MIN_CORNERS:
             out[numbers] = pixels
         return out
 
@@ -66,7 +72,10 @@ class BoardDetector:
         cv2 = import_opencv()
         board = self.board
         pattern = cv2.aruco.CharucoBoard(
-            (board.columns, board.rows), board.square_m, board.square_m * board.marker, dictionary_of(board.dictionary)
+            (board.columns, board.rows),
+            board.square_m,
+            board.square_m * board.marker,
+            dictionary_of(board.dictionary, board.n_markers),
         )
         pattern.setLegacyPattern(board.legacy)
         return cv2.aruco.CharucoDetector(pattern)
@@ -80,7 +89,7 @@ class BoardDetector:
         cv2 = import_opencv()
         parameters = cv2.aruco.DetectorParameters()
         parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-        return cv2.aruco.ArucoDetector(dictionary_of(self.board.dictionary), parameters)
+        return cv2.aruco.ArucoDetector(dictionary_of(self.board.dictionary, self.board.n_markers), parameters)
 
     def _markers(self, gray: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         corners, numbers, _ = self._marker_detector.detectMarkers(gray)

@@ -20,7 +20,16 @@ def import_opencv() -> Any:
     return cv2
 
 
-def dictionary_of(name: str) -> Any:
-    """Return OpenCV's dictionary of markers of a name such as ``4X4_50`` or ``APRILTAG_36h11``."""
+def dictionary_of(name: str, n_markers: int | None = None) -> Any:
+    """Return OpenCV's dictionary of markers.
+
+    Args:
+        name: name such as ``4X4_50`` or ``APRILTAG_36h11``.
+        n_markers: number of markers, the first ones, that can occur; None for all. OpenCV compares every square shape
+            with every marker, so a board is found several times faster among the few markers that it has.
+    """
     cv2 = import_opencv()
-    return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{name}"))
+    every = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{name}"))
+    if n_markers is None:
+        return every
+    return cv2.aruco.Dictionary(every.bytesList[:n_markers].copy(), every.markerSize, every.maxCorrectionBits)

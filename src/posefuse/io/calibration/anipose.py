@@ -1,17 +1,16 @@
 """Anipose's and FreeMoCap's calibration TOML: tables cam_0, cam_1, ..., unit of the board, unknown up axis.
 
 Rotation (Rodrigues vector) and translation are world to camera, with OpenCV's camera axes; there are five distortion
-coefficients, or four with ``fisheye = true``. Files written by posefuse also have ``unit``, ``up_axis``, ``notes`` and
-``left_out`` under ``[metadata]``, which other programs ignore. Tables are ordered by number, so that cam_2 precedes
-cam_10.
+coefficients, or four with ``fisheye = true``. Files written by posefuse also have ``unit``, ``up_axis``, ``notes``,
+``left_out`` and ``[metadata.covariance]`` under ``[metadata]``, which other programs ignore. Tables are ordered by
+number, so that cam_2 precedes cam_10.
 """
 
 from pathlib import Path
 from typing import Any
 
-import tomli_w
-
 from posefuse.errors import FileError, choices, suggestion
+from posefuse.io.calibration.covariances import read_covariances, text_with_covariances
 from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.calibration.tables import (
     METERS_PER_UNIT,
@@ -60,7 +59,15 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
     cameras = tuple(camera_from_table(path, key, table, METERS_PER_UNIT[chosen]) for key, table in tables.items())
     notes = (*texts(path, metadata, "notes"), *notes)
     left_out = texts(path, metadata, "left_out")
-    return CameraRig(cameras, _up_axis(path, metadata), path.name, METERS_PER_UNIT[chosen], notes, left_out)
+    return CameraRig(
+        cameras,
+        _up_axis(path, metadata),
+        path.name,
+        METERS_PER_UNIT[chosen],
+        notes,
+        left_out,
+        covariances=read_covariances(path, metadata),
+    )
 
 
 def _up_axis(path: Path, metadata: dict[str, Any]) -> UpAxis | None:
@@ -86,7 +93,7 @@ def write(rig: CameraRig, path: Path) -> None:
     data["metadata"] = {"unit": "m"} | ({"up_axis": rig.up_axis} if rig.up_axis and rig.inferred_up is None else {})
     data["metadata"] |= metadata_texts(rig)
     with replacing(path) as temporary:
-        temporary.write_text(tomli_w.dumps(data), "utf-8")
+        temporary.write_text(text_with_covariances(data, rig), "utf-8")
 
 
 FORMAT = CalibrationFormat(

@@ -1,6 +1,6 @@
 """VideoReader videos image by image, each with its own time; never more than one image in memory."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -17,6 +17,8 @@ VIDEO_ENDINGS = (".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm", ".mpg", ".mts"
 
 _QUARTER_DEG = 90
 _MIN_SEEK_S = 5.0
+# Pixel formats of 8 bit whose first plane is the brightness.
+_BRIGHTNESS_FIRST = {"yuv420p", "yuvj420p", "yuv422p", "yuvj422p", "yuv444p", "yuvj444p", "nv12", "nv21", "gray"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,13 +78,19 @@ class VideoReader:
     error: str = ""
     ended: bool = False
 
-    def images(self, from_s: float = 0.0, pixel_format: PixelFormat = "rgb24") -> Iterator[VideoImage]:
+    def images(
+        self,
+        from_s: float = 0.0,
+        pixel_format: PixelFormat = "rgb24",
+        only: Callable[[int], bool] | None = None,
+    ) -> Iterator[VideoImage]:
         """Yield the images in order of time, up to the end or the first unreadable one, which sets ``error``.
 
         Args:
             from_s: start time; earlier images may be yielded, too. If it is later than a few seconds, images are
                 numbered from the first one yielded.
-            pixel_format: rgb24 for color, gray for brightness, which is faster.
+            pixel_format: rgb24 for color, gray for brightness as stored (which may be 16 to 235), which is faster.
+            only: whether the image of a number is wanted; others are decoded, but not yielded.
         """
         av = import_pyav()
         seeks = from_s > _MIN_SEEK_S
@@ -93,7 +101,10 @@ class VideoReader:
                 if seeks:
                     container.seek(int((self.info.first_s + from_s) / stream.time_base), stream=stream)
                 for frame in container.decode(stream):
-                    yield self._image(frame, pixel_format)
+                    if only is None or only(self.n_read):
+                        yield self._image(frame, pixel_format)
+                    else:
+                        self.n_read += 1
         except (av.error.FFmpegError, EOFError) as error:
             self.error = getattr(error, "strerror", None) or str(error)
         n_frames = self.info.n_frames
@@ -151,9 +162,20 @@ def open_video(path: Path) -> VideoReader:
 
 def upright(frame: Any, pixel_format: PixelFormat = "rgb24") -> np.ndarray:
     """Return the image of a decoded frame, rotated for display, shape (height, width, 3) or (height, width), uint8."""
-    rgb = frame.to_ndarray(format=pixel_format)
+    rgb = _brightness(frame) if pixel_format == "gray" else frame.to_ndarray(format=pixel_format)
     quarters = _quarter_turns(frame)
     return rgb if quarters == 0 else np.ascontiguousarray(np.rot90(rgb, quarters))
+
+
+def _brightness(frame: Any) -> np.ndarray:
+    """Return the brightness, shape (height, width), uint8; that of most videos is stored as a plane and not converted.
+
+    The stored range may be 16 to 235, which is as good for finding edges and takes half the time of decoding.
+    """
+    if frame.format.name not in _BRIGHTNESS_FIRST:
+        return frame.to_ndarray(format="gray")
+    plane = frame.planes[0]
+    return np.frombuffer(plane, np.uint8).reshape(plane.height, plane.line_size)[:, : plane.width]
 
 
 def _quarter_turns(frame: Any) -> int:

@@ -7,6 +7,7 @@ import pytest
 
 from posefuse.calibration.boards.calibration import calibrate_board
 from posefuse.errors import CalibrationError
+from posefuse.model.camera_covariance import CENTER, ROTATION
 from posefuse.model.cameras import LensModel, vector_from_rotation
 from posefuse.model.detections import Detections
 from tests.boards import BOARD, RATE_HZ, SIZE_PX, board_detections, board_rig, unplaced
@@ -136,3 +137,47 @@ def test_what_is_missing_is_named():
     ):
         with pytest.raises(CalibrationError, match=message):
             calibrate_board(without(change), BOARD, sizes(rig), intrinsics=lens)
+
+
+def test_stated_covariance_is_in_the_axes_of_the_camera():
+    """A forward shift of a camera and its standard deviation do not depend on the world."""
+    rig = board_rig()
+    detections = board_detections(rig)
+    one, other = (
+        calibrate_board(detections, BOARD, sizes(rig), intrinsics=unplaced(rig), origin_frame=frame).rig
+        for frame in (None, 7)
+    )
+    assert len(one.covariances) == 2
+    for a, b in zip(one.covariances, other.covariances, strict=True):
+        assert a.parameters == (*ROTATION, *CENTER)
+        assert np.array_equal(a.matrix, b.matrix)
+        error = relative_errors(one, rig, a)
+        assert np.all(np.abs(error) < 5.0 * np.sqrt(np.diag(a.matrix)))
+
+
+def relative_errors(found, truth, covariance):
+    """Errors of a camera relative to the reference, about and along its own axes."""
+    at = found.index(covariance.camera), found.index(covariance.reference)
+    a, b = (
+        r.cameras[at[0]].camera_from_world @ np.linalg.inv(r.cameras[at[1]].camera_from_world) for r in (found, truth)
+    )
+    turn = vector_from_rotation(a[:3, :3] @ b[:3, :3].T)
+    return np.concatenate([turn, a[:3, :3] @ (-a[:3, :3].T @ a[:3, 3] + b[:3, :3].T @ b[:3, 3])])
+
+
+def test_estimated_lens_has_a_covariance():
+    rig = board_rig(2)
+    result = calibrate_board(board_detections(rig), BOARD, sizes(rig), lens=LensModel.BROWN)
+    first, second = result.rig.covariances
+    assert (len(first.parameters), len(second.parameters)) == (9, 15)
+    assert first.parameters[-5:] == ("k1", "k2", "p1", "p2", "k3")
+    assert second.sd("fx_px") == pytest.approx(result.cameras[result.rig.index(second.camera)].focal_sd_px)
+
+
+def test_time_offsets_can_be_disabled():
+    rig = board_rig()
+    detections = board_detections(rig, offset_s=(0.0, 0.05, 0.0))
+    fixed = calibrate_board(detections, BOARD, sizes(rig), intrinsics=unplaced(rig), clocks="synchronized")
+    assert [report.offset_s for report in fixed.cameras] == [0.0, 0.0, 0.0]
+    free = calibrate_board(detections, BOARD, sizes(rig), intrinsics=unplaced(rig))
+    assert free.held_out.rms_px < 0.6 * fixed.held_out.rms_px

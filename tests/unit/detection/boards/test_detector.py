@@ -42,6 +42,22 @@ def test_hidden_corners_are_missing():
     assert 0.4 < found.mean() < 0.9
 
 
+def test_only_the_markers_of_the_board_are_searched(monkeypatch):
+    """OpenCV compares every square shape with every marker of the dictionary, of which a board has few."""
+    from posefuse.detection.boards import detector
+
+    counts = []
+    whole = detector.dictionary_of
+    monkeypatch.setattr(detector, "dictionary_of", lambda name, n=None: (counts.append(n), whole(name, n))[1])
+    for spec in BOARDS:
+        board = read_board_spec(spec)
+        if board.kind != "checkerboard":
+            BoardDetector(board).corners_px(picture(board))
+            assert counts.pop() == board.n_markers
+    assert len(whole("4X4_1000", 10).bytesList) == 10
+    assert (whole("4X4_1000", 10).bytesList == whole("4X4_1000").bytesList[:10]).all()
+
+
 def test_detectors_can_be_sent_to_other_processes():
     import pickle
 

@@ -6,7 +6,7 @@ import pytest
 
 from posefuse import read_cameras
 from posefuse.errors import FileError
-from posefuse.io.calibration import anipose, pose2sim
+from posefuse.io.calibration import anipose, covariances, pose2sim
 from posefuse.io.calibration.read import find_format
 from posefuse.io.calibration.write import write_like
 from posefuse.model.cameras import LensModel
@@ -21,7 +21,7 @@ def test_failed_write_leaves_no_file(tmp_path, monkeypatch):
     def broken(*_):
         raise RuntimeError("disk full")
 
-    monkeypatch.setattr(anipose.tomli_w, "dumps", broken)
+    monkeypatch.setattr(covariances.tomli_w, "dumps", broken)
     with pytest.raises(RuntimeError):
         anipose.write(ring(2), path)
     assert list(tmp_path.iterdir()) == []

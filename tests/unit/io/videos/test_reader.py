@@ -34,6 +34,20 @@ def test_colors_are_preserved(tmp_path):
     assert np.abs(back[24, 50].astype(int) - rgb[24, 50]).max() < 8
 
 
+def test_brightness_is_that_of_the_color_image(tmp_path):
+    rgb = np.zeros((48, 66, 3), dtype=np.uint8)
+    rgb[:, :33], rgb[12:, 33:] = 200, 90
+    with write_video(tmp_path / "a.mp4", (66, 48), 25.0) as writer:
+        writer.add(rgb, 0.0)
+    (image,) = open_video(tmp_path / "a.mp4").images(pixel_format="gray")
+    (color,) = images_of(tmp_path / "a.mp4")
+    assert image.rgb.shape == color.shape[:2]
+    # The stored range may be 16 to 235.
+    slope, _ = np.polyfit(color[..., 0].ravel().astype(float), image.rgb.ravel().astype(float), 1)
+    assert 0.8 < slope < 1.05
+    assert np.corrcoef(color[..., 0].ravel(), image.rgb.ravel())[0, 1] > 0.999
+
+
 def test_uneven_times_are_preserved_and_odd_sizes_padded(tmp_path):
     times_s = [0.0, 0.1, 0.15, 0.4]
     with write_video(tmp_path / "a.mp4", (33, 21), 25.0) as writer:

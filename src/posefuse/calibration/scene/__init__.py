@@ -1,0 +1,1 @@
+"""Calibration of cameras by points of known position."""

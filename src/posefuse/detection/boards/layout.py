@@ -1,0 +1,109 @@
+"""Numbers of columns and rows of a board, from the arrangement of its markers or corners in an image."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from posefuse.detection.boards.library import dictionary_of, import_opencv
+from posefuse.model.board import Board, marker_count
+
+_MAX_COLUMNS = 24
+_MIN_MARKERS = 5
+_FITS, _DOES_NOT_FIT = 0.06, 0.2
+"""Root mean square distances of marker corners from a flat board, as shares of a marker's side."""
+
+_SIZE_STEPS = (-1, 1, -2, 2, -3, 3)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The size of a board as an image shows it.
+
+    Attributes:
+        columns: number of columns.
+        rows: least number of rows.
+    """
+
+    columns: int
+    rows: int
+
+
+def find_layout(board: Board, gray: np.ndarray) -> Layout | None:
+    """Return the size of the board in an image, or None if the stated one fits or none does.
+
+    Args:
+        board: the stated board.
+        gray: shape (height, width), uint8.
+    """
+    if board.kind == "checkerboard":
+        return None
+    cv2 = import_opencv()
+    detector = cv2.aruco.ArucoDetector(dictionary_of(board.dictionary))
+    corners, numbers, _ = detector.detectMarkers(255 - gray if board.inverted else gray)
+    if numbers is None or len(numbers) < _MIN_MARKERS:
+        return None
+    numbers, pixels = np.ravel(numbers), np.asarray(corners, dtype=np.float64).reshape(-1, 4, 2)
+    stated = _misfit(cv2, board, board.columns, numbers, pixels)
+    if stated < _DOES_NOT_FIT:
+        rows = _rows(board, board.columns, numbers)
+        return Layout(board.columns, rows) if rows > board.rows else None
+    others = {c: _misfit(cv2, board, c, numbers, pixels) for c in range(2, _MAX_COLUMNS + 1) if c != board.columns}
+    best = min(others, key=lambda c: others[c])
+    return Layout(best, _rows(board, best, numbers)) if others[best] < _FITS else None
+
+
+def _rows(board: Board, columns: int, numbers: np.ndarray) -> int:
+    """Return the least number of rows of a board that has some markers."""
+    per_row = columns / 2 if board.kind == "charuco" else columns
+    return int(np.ceil((int(numbers.max()) + 1) / per_row - 1e-9))
+
+
+def _misfit(cv2: Any, board: Board, columns: int, numbers: np.ndarray, pixels: np.ndarray) -> float:
+    """Return how far the markers are from those of a flat board with some columns, as a share of a marker's side."""
+    places = _places(cv2, board, columns, int(numbers.max()))
+    if places is None:
+        return float("inf")
+    flat, image = places[numbers].reshape(-1, 2), pixels.reshape(-1, 2)
+    found, _ = cv2.findHomography(flat, image, 0)
+    if found is None:
+        return float("inf")
+    projected = np.concatenate([flat, np.ones((len(flat), 1))], axis=1) @ found.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        error = np.linalg.norm(projected[:, :2] / projected[:, 2:] - image, axis=1)
+    side = float(np.median(np.linalg.norm(np.diff(pixels, axis=1), axis=2)))
+    error = np.where(np.isfinite(error), error, np.inf)
+    return float(np.sqrt(np.mean(error**2))) / max(side, 1e-9)
+
+
+def _places(cv2: Any, board: Board, columns: int, highest: int) -> np.ndarray | None:
+    """Return the corners of markers on a board with some columns, shape (marker, 4, 2), or None if there are too many.
+
+    The rows are as many as the markers need, even or odd as those stated: legacy boards depend on it.
+    """
+    dictionary, side = dictionary_of(board.dictionary), board.square_m
+    per_row = columns / 2 if board.kind == "charuco" else columns
+    rows = max(int(np.ceil((highest + 1) / per_row)), 2)
+    rows += (rows - board.rows) % 2
+    if int(columns * rows / (2 if board.kind == "charuco" else 1)) > marker_count(board.dictionary):
+        return None
+    if board.kind == "charuco":
+        pattern = cv2.aruco.CharucoBoard((columns, rows), side, side * board.marker, dictionary)
+        pattern.setLegacyPattern(board.legacy)
+    else:
+        pattern = cv2.aruco.GridBoard((columns, rows), side, side * board.gap, dictionary)
+    return np.asarray(pattern.getObjPoints(), dtype=np.float64)[:, :, :2]
+
+
+def find_checkerboard(board: Board, gray: np.ndarray) -> Layout | None:
+    """Return the numbers of inner corners of a checkerboard of a similar size, or None."""
+    cv2 = import_opencv()
+    image = 255 - gray if board.inverted else gray
+    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
+    steps = [(a, b) for a in (0, *_SIZE_STEPS) for b in (0, *_SIZE_STEPS) if (a, b) != (0, 0)]
+    # Larger boards first: a small one is found in part of a large one.
+    for a, b in sorted(steps, key=lambda step: -(board.columns + step[0]) * (board.rows + step[1])):
+        columns, rows = board.columns + a, board.rows + b
+        if min(columns, rows) >= 3 and cv2.findChessboardCorners(image, (columns, rows), flags=flags)[0]:
+            return Layout(columns, rows)
+    return None
