@@ -48,7 +48,8 @@ class FreeParameters:
 
 def apply_changes(rig: CameraRig, change: np.ndarray) -> CameraRig:
     """Return the rig after a parameter change, shape (view, 9)."""
-    return replace(rig, cameras=tuple(_apply(camera, row) for camera, row in zip(rig.cameras, change, strict=True)))
+    cameras = tuple(_apply(camera, row) for camera, row in zip(rig.cameras, change, strict=True))
+    return replace(rig, cameras=cameras, covariances=())
 
 
 def _apply(camera: Camera, row: np.ndarray) -> Camera:

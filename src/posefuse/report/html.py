@@ -1,11 +1,9 @@
 """The report: one self-contained HTML file, byte-identical for the same result."""
 
-import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
-from importlib.resources import files
 from string import Template
 from typing import Any
 
@@ -23,6 +21,7 @@ from posefuse.report.charts import chart_data
 from posefuse.report.heat_map import HeatMap, gather_heat_map, heat_map_data
 from posefuse.report.highlights import highlights_section
 from posefuse.report.left_right_swaps import swap_section, swap_timeline
+from posefuse.report.page import asset, safe_json, script
 from posefuse.report.people import people_section, summarize_people, track_timeline
 from posefuse.report.scene import display_stride, scene_data
 from posefuse.report.series import Gap, TimeSeries, find_gaps, gather_series, time_series_data
@@ -171,26 +170,12 @@ def render_report(
         progress: receives the progress.
     """
     page = PageData(result, truth_m, accuracy, progress or Silent())
-    return Template(_asset("report.html")).substitute(
+    return Template(asset("report.html")).substitute(
         title=escape(f"posefuse: {len(result.person_ids)} x {result.skeleton.name}"),
-        css=_asset("report.css"),
+        css=asset("report.css"),
+        scene=asset("scene.html"),
         plotly=get_plotlyjs(),
-        script=_script(),
-        data=_safe_json({name: data(page) for name, data in CHARTS.items()}),
+        script=script(_SCRIPTS, CHARTS),
+        data=safe_json({name: data(page) for name, data in CHARTS.items()}),
         **{section.name: section.render(page) for section in SECTIONS},
     )
-
-
-def _script() -> str:
-    """Return the scripts wrapped in one function, which keeps their names out of the global scope."""
-    data = f'const {{ {", ".join(CHARTS)} }} = JSON.parse(document.getElementById("data").textContent);'
-    return "\n".join(['"use strict";', "(() => {", data, *(_asset(name) for name in _SCRIPTS), "})();"])
-
-
-def _asset(name: str) -> str:
-    return files("posefuse.report").joinpath("assets", name).read_text("utf-8")
-
-
-def _safe_json(data: Any) -> str:
-    """Return JSON that cannot close the script element around it."""
-    return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c").replace("&", "\\u0026")

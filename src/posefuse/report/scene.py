@@ -1,11 +1,11 @@
 """Data of the report's 3D scene: people, cameras and ground."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 
-from posefuse.model.cameras import Camera, LensModel
+from posefuse.model.cameras import Camera, CameraRig, LensModel
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.report.packing import (
@@ -75,7 +75,7 @@ def _static_data(result: Reconstruction, grid: PackingGrid, stride: int) -> dict
         "people": list(result.person_ids),
         "keypoints": list(result.skeleton.keypoints),
         "edges": result.skeleton.edge_indices.tolist(),
-        "sides": [_side(name) for name in result.skeleton.keypoints],
+        "sides": [side_of(name) for name in result.skeleton.keypoints],
         "frames": result.frame_numbers[::stride].tolist(),
         "time": result.time_s[::stride].round(4).tolist() if timed else None,
         "stride": stride,
@@ -84,7 +84,7 @@ def _static_data(result: Reconstruction, grid: PackingGrid, stride: int) -> dict
         "unit": result.unit,
         "origin": list(grid.origin),
         "step": grid.step,
-        "cameras": _frusta(result) if metric else [],
+        "cameras": frusta(result.rig, _depths_m(result.rig)) if metric else [],
     }
 
 
@@ -118,17 +118,23 @@ def _pack_truth(truth_m: np.ndarray | None, grid: PackingGrid, stride: int) -> l
     return [pack_points(person, grid)[0] for person in truth_m[::stride].swapaxes(0, 1)]
 
 
-def _side(name: str) -> str:
+def side_of(name: str) -> str:
+    """Return the side that the name of a keypoint states: left, right or middle."""
     if "left" in name:
         return "left"
     return "right" if "right" in name else "middle"
 
 
-def _frusta(result: Reconstruction) -> list[dict[str, Any]]:
-    """Return the cameras as pyramids whose size depends on the distances between the cameras."""
-    centers = np.array([camera.center_m for camera in result.rig.cameras])
+def _depths_m(rig: CameraRig) -> list[float]:
+    """Return the depths of the pyramids that show cameras, by the distances between the cameras."""
+    centers = np.array([camera.center_m for camera in rig.cameras])
     distance = float(np.median(np.linalg.norm(centers - np.median(centers, axis=0), axis=-1)))
-    return [_frustum(camera, 0.1 * distance or 0.4) for camera in result.rig.cameras]
+    return [0.1 * distance or 0.4] * len(rig)
+
+
+def frusta(rig: CameraRig, depths_m: Sequence[float]) -> list[dict[str, Any]]:
+    """Return the cameras as pyramids of given depths."""
+    return [_frustum(camera, depth) for camera, depth in zip(rig.cameras, depths_m, strict=True)]
 
 
 def _frustum(camera: Camera, depth_m: float) -> dict[str, Any]:

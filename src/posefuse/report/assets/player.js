@@ -8,7 +8,7 @@
   function show(next) {
     state.frame = Math.max(0, Math.min(nFrames - 1, next));
     scrub.value = String(state.frame);
-    position.textContent = `frame ${scene.frames[state.frame]}, ${secondsOf(state.frame).toFixed(2)} s`;
+    position.textContent = `frame ${scene.frames[state.frame]}${scene.volume ? "" : `, ${secondsOf(state.frame).toFixed(2)} s`}`;
     scrub.setAttribute("aria-valuetext", position.textContent);
     box.dataset.frame = String(scene.frames[state.frame]);
     redraw();
@@ -91,7 +91,7 @@
     element(id).addEventListener("change", () => { state[key] = element(id).checked; redraw(); });
   }
   bindCheckbox("side-by-side", "sideBySide", layers.length > 1);
-  bindCheckbox("show-uncertainty", "covariances", covariances.some((codes) => codes.some((code, i) => i % 7 === 0 && code)));
+  bindCheckbox("show-uncertainty", "covariances", Boolean(scene.volume) || covariances.some((codes) => codes.some((code, i) => i % 7 === 0 && code)));
   bindCheckbox("show-truth", "truth", Boolean(truth));
   element("truth-hint").hidden = !truth;
   element("camera-hint").hidden = !scene.cameras.length || !scene.markedViews;
@@ -102,9 +102,11 @@
     choose("view", -1);
     choose("follow", -1);
     fitView(!state.wide);
-    fit.textContent = state.wide ? "Show people" : "Show cameras";
+    nameFit();
     redraw();
   });
+  const nameFit = () => { fit.textContent = state.wide ? `Show ${scene.filmed || "people"}` : "Show cameras"; };
+  nameFit();
   const help = element("help"), keys = element("keys");
   keys.addEventListener("click", () => { help.hidden = !help.hidden; keys.setAttribute("aria-expanded", String(!help.hidden)); });
 

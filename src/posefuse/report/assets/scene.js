@@ -28,14 +28,16 @@
     return Number.isFinite(points[i]) ? [points[i], points[i + 1], points[i + 2]] : null;
   };
 
-  const upAxis = scene.up.replace("-", ""), upIndex = "xyz".indexOf(upAxis) >= 0 && upAxis ? "xyz".indexOf(upAxis) : 2;
-  const upSign = scene.up.startsWith("-") ? -1 : 1;
+  // The scene of a calibration whose up axis is unknown is shown upright, but has no ground.
+  const upright = scene.up || scene.shownUp || "", upAxis = upright.replace("-", "");
+  const upIndex = "xyz".indexOf(upAxis) >= 0 && upAxis ? "xyz".indexOf(upAxis) : 2, upSign = upright.startsWith("-") ? -1 : 1;
   const isPlanar = scene.unit !== "m";
   let colors = {};
   function readColors() {
-    const names = ["ink", "faint", "line", "paper", "left", "right", "middle", "truth", "floor"];
+    const names = ["ink", "faint", "line", "paper", "left", "right", "middle", "truth", "floor", "target"];
     colors = Object.fromEntries(names.map((name) => [name, css(`--${name}`)]));
     colors.people = scene.people.map((_, i) => css(`--person-${i % 10}`));
+    colors.cameras = scene.cameras.map((_, i) => scene.volume ? css(`--person-${i % 10}`) : colors.faint);
   }
   readColors();
   const sideOf = ([a, b]) => {
@@ -96,7 +98,7 @@
     const ahead = back.map((v) => -v), right = unit(cross(ahead, up));
     return { right, down: cross(ahead, right), ahead };
   }
-  fitView(false);
+  fitView(Boolean(scene.volume));
 
   // A pane is a part of the canvas; its projection maps a point to x, y and depth, or null.
   function freeProjection(pane) {
@@ -182,13 +184,16 @@
     const strokes = [];
     if (!isPlanar && scene.up) strokes.push(...ground(to));
     if (camera) frameOfImage(to.image);
-    else scene.cameras.forEach((each) => strokes.push(...frustum(each, to)));
+    else scene.cameras.forEach((each, i) => strokes.push(...frustum(each, to, colors.cameras[i])));
+    if (scene.volume && !camera) scene.cameras.forEach((each, i) => fieldOfView(each, to, colors.cameras[i]));
+    if (scene.volume) layer.points.forEach((points) => strokes.push(...trace(points, to)));
     if (truth && state.truth) truth.forEach((points) => strokes.push(...bones(points, to, () => several ? colors.faint : colors.truth, 2.5)));
     layer.points.forEach((points, person) => strokes.push(...bones(points, to, (e) => edgeColor(person, e), 4)));
     strokes.sort((a, b) => b.depth - a.depth).forEach(stroke);
-    if (state.covariances && layer === layers[0]) layer.points.forEach((points, person) => ellipsoids(points, person, to));
+    if (state.covariances && scene.volume) volumeDots(to);
+    else if (state.covariances && layer === layers[0]) layer.points.forEach((points, person) => ellipsoids(points, person, to));
     layer.points.forEach((points, person) => keypoints(points, person, to, camera));
-    if (!camera) scene.cameras.forEach((each) => label(each.name, to(each.center), colors.faint, 12));
+    if (!camera) scene.cameras.forEach((each, i) => label(each.name, to(each.center), colors.cameras[i], 12));
     if (several) layer.points.forEach((points, person) => label(scene.people[person], head(points, to), colors.people[person], 13));
     label([named ? `layer ${layer.name}` : "", camera ? camera.name : ""].filter(Boolean).join(", "), [pane.x + 8, pane.y + 18], colors.ink, 13, "left");
     context.restore();
@@ -207,9 +212,47 @@
     const p = at(points, state.frame, a), q = at(points, state.frame, b);
     return p && q ? segment(to(p), to(q), color(e), K > 60 && e > 24 ? 1.5 : width) : [];
   });
-  function frustum({ center, corners }, to) {
+  function frustum({ center, corners }, to, color) {
     const c = to(center), q = corners.map(to);
-    return [0, 1, 2, 3].flatMap((i) => [...segment(c, q[i], colors.faint, 1), ...segment(q[i], q[(i + 1) % 4], colors.faint, i ? 1 : 2.5)]);
+    return [0, 1, 2, 3].flatMap((i) => [...segment(c, q[i], color, 1), ...segment(q[i], q[(i + 1) % 4], color, i ? 1 : 2.5)]);
+  }
+  function fieldOfView({ center, corners }, to, color) {
+    const c = to(center), q = corners.map(to);
+    if (!c || q.includes(null)) return;
+    context.fillStyle = color;
+    context.globalAlpha = 0.07;
+    for (const side of [[c, q[0], q[1]], [c, q[1], q[2]], [c, q[2], q[3]], [c, q[3], q[0]], q]) {
+      context.beginPath();
+      side.forEach(([x, y]) => context.lineTo(x, y));
+      context.fill();
+    }
+    context.globalAlpha = 1;
+  }
+  // All poses of a calibration's target, behind the one of the current frame.
+  function trace(points, to) {
+    const out = [];
+    for (let frame = 0; frame < nFrames; frame++) for (const [a, b] of scene.edges) {
+      const p = at(points, frame, a), q = at(points, frame, b);
+      if (p && q) out.push(...segment(to(p), to(q), colors.faint, 0.4, 1e3));
+    }
+    return out;
+  }
+  // Places in the filmed volume of a calibration, colored by the standard deviation of points there.
+  const VIRIDIS = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
+  function viridis(share) {
+    const x = Math.max(0, Math.min(0.999, share)) * (VIRIDIS.length - 1), i = Math.floor(x);
+    return `rgb(${VIRIDIS[i].map((v, j) => Math.round(v + (x - i) * (VIRIDIS[i + 1][j] - v))).join(",")})`;
+  }
+  function volumeDots(to) {
+    const { points, sd, range: [low, high] } = scene.volume;
+    context.strokeStyle = colors.faint;
+    context.lineWidth = 0.5;
+    points.forEach((p, i) => {
+      const q = to(p);
+      if (!q) return;
+      context.fillStyle = viridis((sd[i] - low) / ((high - low) || 1));
+      disc(q, 4.5);
+    });
   }
   function frameOfImage([x, y, width, height]) {
     context.strokeStyle = colors.faint;

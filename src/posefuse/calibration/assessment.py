@@ -1,0 +1,196 @@
+"""Assess a calibration: one verdict, its weaknesses, and what to film or change next."""
+
+from collections.abc import Iterator
+from itertools import chain
+
+import numpy as np
+
+from posefuse.calibration.residual_structure import COLUMNS, ROWS, residual_structure
+from posefuse.model.calibration_summary import Advice, Assessment, AssessmentLevel, CalibrationSummary, LengthCheck
+
+_GOOD_SHARE, _USABLE_SHARE = 0.003, 0.02
+"""Standard deviation in the middle of the volume, as a share of the distance of the cameras.
+
+Detectors of keypoints err by about 3 px at a focal length of 1000 px, 0.3 %; a good calibration errs less.
+"""
+_GOOD_LENGTH, _USABLE_LENGTH = 0.005, 0.02
+_MIN_SHARED = 10
+_LARGE_ERROR = 1.5
+_NOTICEABLE_SHARE = 0.0003
+"""Errors below this share of the image's width (0.6 px of 1920) are not worth a remark."""
+_SYSTEMATIC_SHARE = 0.5
+_MIN_OFFSET_S = 0.005
+_MOST_MISSING = 4
+"""With more of the nine parts of an image missing, the parts that were seen are named."""
+_ORDER: dict[AssessmentLevel, int] = {"bad": 0, "check": 1, "note": 2, "good": 3}
+
+
+def assess(summary: CalibrationSummary) -> Assessment:
+    """Return the verdict on a calibration, its weaknesses, and what to do about them."""
+    checks = (_left_out, _volume, _lengths, _links, _errors, _structure, _held_out, _regions, _offsets)
+    found = sorted(chain.from_iterable(check(summary) for check in checks), key=lambda each: _ORDER[each.level])
+    levels = {each.level for each in found}
+    accuracy = _accuracy(summary)
+    if "bad" in levels:
+        return Assessment("bad", f"Do not use this calibration. {found[0].sentence}", tuple(found))
+    if "check" in levels:
+        n = sum(each.level == "check" for each in found)
+        return Assessment(
+            "check", f"Usable, with {n} {'weakness' if n == 1 else 'weaknesses'}. {accuracy}", tuple(found)
+        )
+    return Assessment("good", accuracy, tuple(found))
+
+
+def _accuracy(summary: CalibrationSummary) -> str:
+    """Return what the covariance of the cameras means for triangulated points."""
+    volume = summary.volume
+    length_sd = float(np.hypot(volume.length_sd, summary.scale_sd))
+    return (
+        f"Points in the filmed volume are located to {_millimetres(volume.relative_sd_m)} relative to each other, and "
+        f"lengths measured to {_percent(length_sd)} (standard deviations)."
+    )
+
+
+def _millimetres(value_m: float) -> str:
+    return f"{1000 * value_m:.2g} mm" if value_m < 0.01 else f"{1000 * value_m:.0f} mm"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %"
+
+
+def _filmed(summary: CalibrationSummary) -> str:
+    """Return what to do with the target where cameras are weakly connected."""
+    return "Film the board" if summary.target == "board" else "Film a person"
+
+
+def _left_out(summary: CalibrationSummary) -> Iterator[Advice]:
+    for name, reason in summary.left_out:
+        yield Advice("check", name, f"Camera {name!r} is not calibrated: {reason}", "")
+
+
+def _volume(summary: CalibrationSummary) -> Iterator[Advice]:
+    """Judge the accuracy in the filmed volume, and the positions of single cameras."""
+    volume = summary.volume
+    where = "in the middle of the volume, close to all cameras and tilted to all sides."
+    if summary.target == "people":
+        where = "who walks through the whole volume, in several directions."
+    share = volume.relative_sd_m / volume.distance_m
+    if not np.isfinite(share):
+        yield Advice("bad", "", "No two cameras see the same part of the filmed volume.", f"{_filmed(summary)} {where}")
+    elif share > _GOOD_SHARE:
+        level: AssessmentLevel = "bad" if share > _USABLE_SHARE else "check"
+        text = f"Points in the filmed volume are located only to {_millimetres(volume.relative_sd_m)}."
+        longer = "for longer " if summary.target == "board" else ""
+        yield Advice(level, "", text, f"{_filmed(summary)} {longer}{where}")
+    for name, camera in zip(summary.rig.names, summary.cameras, strict=True):
+        if camera.center_sd_m > _USABLE_SHARE * volume.distance_m:
+            text = f"The position of camera {name!r} is known only to {_millimetres(camera.center_sd_m)}."
+            yield Advice("check", name, text, f"{_filmed(summary)} where it and other cameras see the same place.")
+
+
+def _lengths(summary: CalibrationSummary) -> Iterator[Advice]:
+    for each in summary.lengths:
+        if abs(each.error) > _GOOD_LENGTH:
+            level: AssessmentLevel = "bad" if abs(each.error) > _USABLE_LENGTH else "check"
+            yield Advice(level, "", _length_text(each), "Measure the printed board, and keep it flat and stiff.")
+
+
+def _length_text(each: LengthCheck) -> str:
+    return f"The {each.name} are {100 * each.error:+.2g} % off."
+
+
+def _links(summary: CalibrationSummary) -> Iterator[Advice]:
+    """Name cameras that share few frames with every other one."""
+    for v, name in enumerate(summary.rig.names):
+        others = np.delete(summary.shared[v], v)
+        if len(others) and others.max() < _MIN_SHARED:
+            best = summary.rig.names[int(np.argmax(np.where(np.arange(len(summary.rig)) == v, -1, summary.shared[v])))]
+            text = f"Camera {name!r} shares only {int(others.max())} frames with any other camera."
+            yield Advice("check", name, text, f"{_filmed(summary)} where both it and camera {best!r} see it.")
+
+
+def _errors(summary: CalibrationSummary) -> Iterator[Advice]:
+    """Name cameras that fit worse than the others."""
+    errors = np.array(
+        [camera.error_px / width for camera, width in zip(summary.cameras, _widths(summary), strict=True)]
+    )
+    typical = float(np.nanmedian(errors))
+    for name, camera, error in zip(summary.rig.names, summary.cameras, errors, strict=True):
+        if len(errors) > 2 and error > _LARGE_ERROR * typical and error > _NOTICEABLE_SHARE:
+            text = f"Camera {name!r} fits worse than the others: {camera.error_px:.2f} px."
+            yield Advice("check", name, text, "Check its focus, motion blur, exposure and frame times.")
+
+
+def _widths(summary: CalibrationSummary) -> list[int]:
+    return [camera.size_px[0] for camera in summary.rig.cameras]
+
+
+def _structure(summary: CalibrationSummary) -> Iterator[Advice]:
+    """Name cameras whose residuals depend on the place in the image; those of people do for other reasons, too."""
+    if summary.target != "board":
+        return
+    for camera, each in zip(summary.rig.cameras, summary.cameras, strict=True):
+        systematic = residual_structure(each, camera.size_px).systematic_px
+        if systematic > max(_SYSTEMATIC_SHARE * each.error_px, _NOTICEABLE_SHARE * camera.size_px[0]):
+            text = (
+                f"The residuals of camera {camera.name!r} depend on the place in the image: {systematic:.2f} of "
+                f"{each.error_px:.2f} px."
+            )
+            known = "Its given lens does not fit: estimate it from these images, or add `refine_intrinsics=True`."
+            yield Advice("check", camera.name, text, known if each.lens_given else "Try another lens model (`lens`).")
+
+
+def _held_out(summary: CalibrationSummary) -> Iterator[Advice]:
+    for camera, each in zip(summary.rig.cameras, summary.cameras, strict=True):
+        if each.held_out_px > _LARGE_ERROR * each.error_px and each.held_out_px > _NOTICEABLE_SHARE * camera.size_px[0]:
+            text = (
+                f"Camera {camera.name!r} predicts images that it was not calibrated with only to "
+                f"{each.held_out_px:.2f} px, instead of {each.error_px:.2f} px."
+            )
+            yield Advice("check", camera.name, text, f"{_filmed(summary)} in more images of this camera.")
+
+
+def _regions(summary: CalibrationSummary) -> Iterator[Advice]:
+    """Name the parts of images in which the board was never seen, where the lens was estimated from the board."""
+    if summary.target != "board":
+        return
+    for camera, each in zip(summary.rig.cameras, summary.cameras, strict=True):
+        parts = {} if each.lens_given else _regions_seen(each.counts(camera.size_px, COLUMNS, ROWS) > 0)
+        missing = [name for name, is_seen in parts.items() if not is_seen]
+        if len(missing) > _MOST_MISSING:
+            seen = [name for name, is_seen in parts.items() if is_seen]
+            text = f"Camera {camera.name!r} shows the board only in the {_listed(seen)} of its image."
+            yield Advice("check", camera.name, text, "Film it in the other parts.")
+        elif missing:
+            text = f"No board in the {_listed(missing)} of camera {camera.name!r}."
+            yield Advice("note", camera.name, text, "Film it there.")
+
+
+def _listed(words: list[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def _regions_seen(covered: np.ndarray) -> dict[str, bool]:
+    """Return whether each ninth of an image has a detected point; ``covered`` has shape (rows, columns), bool."""
+    rows, columns = covered.shape
+    return {
+        f"{high} {side}": bool(
+            covered[r * rows // 3 : (r + 1) * rows // 3, c * columns // 3 : (c + 1) * columns // 3].any()
+        )
+        for r, high in enumerate(("upper", "middle", "lower"))
+        for c, side in enumerate(("left", "center", "right"))
+    }
+
+
+def _offsets(summary: CalibrationSummary) -> Iterator[Advice]:
+    """Name cameras whose images are early or late; calibration files cannot hold that."""
+    first, *names = summary.rig.names
+    found = [
+        f"{name!r} {1000 * each.offset_s:+.0f} ms"
+        for name, each in zip(names, summary.cameras[1:], strict=True)
+        if abs(each.offset_s) > max(3.0 * each.offset_sd_s, _MIN_OFFSET_S)
+    ]
+    if found:
+        text = f"The images were not synchronized. Relative to camera {first!r}, {_listed(found)} (positive is later)."
+        yield Advice("note", "", text, "If recordings are not synchronized either, use posefuse sync.")

@@ -1,0 +1,1 @@
+"""Report of a calibration, whatever the cameras were calibrated with."""
