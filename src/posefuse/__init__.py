@@ -19,6 +19,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from posefuse.calibration.boards.calibration import BoardCalibration as BoardCalibration
     from posefuse.calibration.outcome import Refinement as Refinement
+    from posefuse.calibration.people.result import PeopleCalibration as PeopleCalibration
+    from posefuse.calibration.scene.calibration import SceneCalibration as SceneCalibration
     from posefuse.editing import apply_edits as apply_edits
     from posefuse.errors import PosefuseError as PosefuseError
     from posefuse.errors import PosefuseWarning as PosefuseWarning
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
     from posefuse.io.results.write import write as write
     from posefuse.model.alignment import Alignment as Alignment
     from posefuse.model.board import Board as Board
+    from posefuse.model.camera_covariance import CameraCovariance as CameraCovariance
     from posefuse.model.cameras import Camera as Camera
     from posefuse.model.cameras import CameraRig as CameraRig
     from posefuse.model.cameras import LensModel as LensModel
@@ -50,6 +53,7 @@ if TYPE_CHECKING:
     from posefuse.model.options.association import AssociationOptions as AssociationOptions
     from posefuse.model.options.association import RptOptions as RptOptions
     from posefuse.model.options.calibration import CalibrateOptions as CalibrateOptions
+    from posefuse.model.options.calibration import PeopleOptions as PeopleOptions
     from posefuse.model.options.left_right import SideOptions as SideOptions
     from posefuse.model.options.noise import NoiseOptions as NoiseOptions
     from posefuse.model.options.options import Options as Options
@@ -87,6 +91,7 @@ if TYPE_CHECKING:
     from posefuse.model.options.triangulation import WeightedSubsetsOptions as WeightedSubsetsOptions
     from posefuse.model.reconstruction import Layer as Layer
     from posefuse.model.reconstruction import Reconstruction as Reconstruction
+    from posefuse.model.scene_points import ScenePoints as ScenePoints
     from posefuse.model.status import PointStatus as PointStatus
     from posefuse.model.status import Source as Source
     from posefuse.model.status import ViewStatus as ViewStatus
@@ -96,10 +101,13 @@ if TYPE_CHECKING:
     from posefuse.model.up_axis import InferredUp as InferredUp
     from posefuse.pipeline.calibrate import calibrate as calibrate
     from posefuse.pipeline.calibrate_noise import calibrate_noise as calibrate_noise
+    from posefuse.pipeline.calibrate_scene import calibrate_scene as calibrate_scene
+    from posefuse.pipeline.calibration_report import write_calibration_report as write_calibration_report
     from posefuse.pipeline.compare_methods import compare_methods as compare_methods
     from posefuse.pipeline.diagnose import inspect_health as inspect_health
     from posefuse.pipeline.diagnose import measure_sync as measure_sync
     from posefuse.pipeline.evaluate_files import evaluate_files as evaluate_files
+    from posefuse.pipeline.recalibrate import recalibrate as recalibrate
     from posefuse.pipeline.reconstruct import reconstruct as reconstruct
     from posefuse.pipeline.reconstruct import triangulate as triangulate
     from posefuse.pipeline.reconstruct_recording import Outcome as Outcome
@@ -120,7 +128,9 @@ if TYPE_CHECKING:
 
 _PUBLIC = {
     "calibration.boards.calibration": ("BoardCalibration",),
+    "calibration.people.result": ("PeopleCalibration",),
     "calibration.outcome": ("Refinement",),
+    "calibration.scene.calibration": ("SceneCalibration",),
     "editing": ("apply_edits",),
     "errors": ("PosefuseError", "PosefuseWarning"),
     "evaluation.accuracy": ("evaluate",),
@@ -138,6 +148,7 @@ _PUBLIC = {
     "io.results.write": ("write",),
     "model.alignment": ("Alignment",),
     "model.board": ("Board",),
+    "model.camera_covariance": ("CameraCovariance",),
     "model.cameras": ("Camera", "CameraRig", "LensModel"),
     "model.detections": ("Detections",),
     "model.findings": ("Finding",),
@@ -145,7 +156,7 @@ _PUBLIC = {
     "model.noise": ("NoiseModel",),
     "model.options.alignment": ("AlignOptions",),
     "model.options.association": ("AssociationOptions", "RptOptions"),
-    "model.options.calibration": ("CalibrateOptions",),
+    "model.options.calibration": ("CalibrateOptions", "PeopleOptions"),
     "model.options.left_right": ("SideOptions",),
     "model.options.noise": ("NoiseOptions",),
     "model.options.options": ("Options",),
@@ -186,15 +197,19 @@ _PUBLIC = {
         "WeightedSubsetsOptions",
     ),
     "model.reconstruction": ("Layer", "Reconstruction"),
+    "model.scene_points": ("ScenePoints",),
     "model.status": ("PointStatus", "Source", "ViewStatus"),
     "model.stored_points": ("StoredPoints",),
     "model.tracks": ("Tracks", "TrackState"),
     "model.up_axis": ("InferredUp",),
     "pipeline.calibrate": ("calibrate",),
     "pipeline.calibrate_noise": ("calibrate_noise",),
+    "pipeline.calibrate_scene": ("calibrate_scene",),
+    "pipeline.calibration_report": ("write_calibration_report",),
     "pipeline.compare_methods": ("compare_methods",),
     "pipeline.diagnose": ("inspect_health", "measure_sync"),
     "pipeline.evaluate_files": ("evaluate_files",),
+    "pipeline.recalibrate": ("recalibrate",),
     "pipeline.reconstruct": ("reconstruct", "triangulate"),
     "pipeline.reconstruct_recording": ("Outcome", "reconstruct_recording"),
     "pipeline.refine_calibration": ("refine_calibration",),

@@ -88,6 +88,8 @@ def aligned_rig(rig: CameraRig, alignment: Alignment) -> CameraRig:
     """Return the cameras in the aligned world, where they see the same pixels."""
     cameras = tuple(_camera(camera, alignment) for camera in rig.cameras)
     scaled = replace(rig, cameras=cameras, meters_per_unit=rig.meters_per_unit * alignment.scale)
+    if alignment.scale != 1.0:
+        scaled = replace(scaled, covariances=())
     return scaled.with_up(alignment.up_axis, alignment.inferred_up)
 
 

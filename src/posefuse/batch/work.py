@@ -52,19 +52,19 @@ def _catch_errors(job: Job, work: Callable[[], _T]) -> _T | JobResult:
     try:
         return work()
     except PosefuseError as error:
-        return _failed(job, str(error))
+        return failed(job, str(error))
     except OSError as error:
         named = f"{Path(error.filename).name}: " if error.filename else ""
-        return _failed(job, f"{named}{error.strerror or error}.")
+        return failed(job, f"{named}{error.strerror or error}.")
     except Exception as error:
         last = traceback.extract_tb(error.__traceback__)[-1]
         where = f"{Path(last.filename).name}, line {last.lineno}"
         what = " ".join(str(error).split())[:200]
-        return _failed(job, f"Unexpected error, please report it: {type(error).__name__}: {what} ({where})")
+        return failed(job, f"Unexpected error, please report it: {type(error).__name__}: {what} ({where})")
 
 
-def _failed(job: Job, why: str) -> JobResult:
-    """Return a failed result; paths in it start at the recording's folder or the one above."""
+def failed(job: Job, why: str) -> JobResult:
+    """Return a failed result; paths in its reason start at the recording's folder or the one above."""
     for path, shown in ((job.folder, job.folder.name), (job.output, job.name), (job.folder.parent, "..")):
         why = why.replace(str(path), shown)
     return JobResult(job.name, "failed", why)

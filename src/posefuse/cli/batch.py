@@ -4,6 +4,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +12,7 @@ from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, count, percent, print_problem, say, table, warn
 from posefuse.cli.findings import CERTAIN_FAULT, AcceptFindings
-from posefuse.cli.types import OptionFlags, Output
+from posefuse.cli.types import BoardSpec, OptionFlags, Output
 from posefuse.errors import OptionsError, choices
 from posefuse.model.batch import Job, JobResult, JobTreatment
 from posefuse.model.options.options import Options
@@ -32,12 +33,20 @@ class _Treatment:
     accept_findings: AcceptFindings = False
 
 
+@dataclass(frozen=True)
+class _Cameras:
+    """Flags of the calibration."""
+
+    calibration: Annotated[
+        Path | None, Parameter(help="Calibration of all recordings; by default the one in each recording.")
+    ] = None
+    board: BoardSpec = None
+
+
 def batch(
     *folders: Annotated[Path, Parameter(help="Folders of the recordings.")],
     output: Output,
-    calibration: Annotated[
-        Path | None, Parameter(help="Calibration of all recordings; by default the one in each recording.")
-    ] = None,
+    cameras: Annotated[_Cameras, Parameter(name="*")] = _Cameras(),
     jobs: Annotated[int | None, Parameter(help="Number of processes; by default one per processor.")] = None,
     scheduler: Annotated[
         str | None, Parameter(help="Run on the Dask cluster of this scheduler, such as tcp://host:8786.")
@@ -58,6 +67,7 @@ def batch(
     The exit code is 1 if a recording failed, else 3 if the recording check is certain that a result is wrong, else 0.
     --accept-findings accepts such results.
     """
+    from posefuse.batch.calibrations import calibrate_jobs
     from posefuse.batch.jobs import jobs_of
     from posefuse.batch.work import with_earlier_result
     from posefuse.io.files import must_exist
@@ -67,17 +77,18 @@ def batch(
         raise OptionsError(f"--jobs must be at least 1, got {jobs}.")
     if not window_s > 0:
         raise OptionsError(f"--window-s must be more than 0, got {window_s}.")
-    if calibration is not None:
-        must_exist(calibration, "calibration")
+    if cameras.calibration is not None:
+        must_exist(cameras.calibration, "calibration")
     if output.exists() and not output.is_dir():
         raise OptionsError(f"--output {output} is a file. Specify a folder.")
     window = None if scheduler is None else window_s
     treatment = JobTreatment(**asdict(flags))
-    todo = jobs_of(folders, output, calibration, options, treatment, window_s=window)
+    todo = jobs_of(folders, output, cameras.calibration, options, treatment, window_s=window)
     _check_overview(output, todo, flags.overwrite)
     output.mkdir(parents=True, exist_ok=True)
     with exclusive_folder(output, output):
-        found, interrupted = _collect(todo, _run(todo, jobs, scheduler))
+        uncalibrated = calibrate_jobs(todo, cameras.board, Bars())
+        found, interrupted = _collect(todo, _run(todo, uncalibrated, jobs, scheduler))
         missing = {job.name: JobResult(job.name, "not done", _INTERRUPTED) for job in todo if job.name not in found}
         by_name = found | missing
         results = [with_earlier_result(job, by_name[job.name]) for job in todo]
@@ -122,19 +133,23 @@ def _collect(todo: Sequence[Job], results: Iterator[JobResult]) -> tuple[dict[st
     return found, False
 
 
-def _run(todo: Sequence[Job], jobs: int | None, scheduler: str | None) -> Iterator[JobResult]:
+def _run(
+    todo: Sequence[Job], uncalibrated: Sequence[JobResult], jobs: int | None, scheduler: str | None
+) -> Iterator[JobResult]:
     from posefuse.batch.cluster import on_cluster
     from posefuse.batch.pool import in_processes, processors
     from posefuse.batch.work import run_divided_job, run_job, run_job_unless_long
 
+    failed = [each.name for each in uncalibrated]
+    ready = [job for job in todo if job.name not in failed]
     if scheduler is not None:
         if jobs is not None:
             raise OptionsError(
                 "--jobs applies only to this machine; on a cluster (--scheduler), the number of workers determines "
                 "the number of jobs. Remove --jobs."
             )
-        return on_cluster(run_job_unless_long, todo, scheduler, run_divided_job)
-    return in_processes(run_job, todo, jobs or processors())
+        return chain(uncalibrated, on_cluster(run_job_unless_long, ready, scheduler, run_divided_job))
+    return chain(uncalibrated, in_processes(run_job, ready, jobs or processors()))
 
 
 def _write(results: Sequence[JobResult], output: Path) -> None:

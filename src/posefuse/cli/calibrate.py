@@ -1,122 +1,172 @@
 """``posefuse calibrate``."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Group, Parameter
 
-from posefuse.calibration.boards.calibration import BoardCalibration, CameraReport
-from posefuse.cli.console import Bars, count, note, say, table
-from posefuse.cli.help import OPTIONS_GROUP
-from posefuse.cli.types import Overwrite, TimestampsPath
-from posefuse.errors import FileError, choices
-from posefuse.model.options.calibration import CalibrateOptions
+from posefuse.calibration.boards.calibration import BoardCalibration
+from posefuse.calibration.people.result import PeopleCalibration
+from posefuse.cli.calibrate_board import describe_board
+from posefuse.cli.calibrate_people import describe_people
+from posefuse.cli.calibrate_scene import describe_scene
+from posefuse.cli.console import Bars, note
+from posefuse.cli.types import KeypointsPath, Overwrite, TimestampsPath
+from posefuse.errors import CalibrationError, FileError, choices
+from posefuse.model.options.calibration import CalibrateOptions, PeopleOptions
+
+if TYPE_CHECKING:
+    from posefuse.model.cameras import CameraRig
+
+Source = Annotated[
+    Path | None,
+    Parameter(
+        help="With --board: folder with one video, or one folder of pictures, per camera. Without it: folder of a "
+        "recording with 2D keypoints of people."
+    ),
+]
+CalibrationOutput = Annotated[
+    Path, Parameter(name=["--output", "-o"], help="Calibration file to write, in Anipose's format (name.toml).")
+]
 
 
-def calibrate(
-    images: Annotated[Path, Parameter(help="Folder with one video, or one folder of pictures, per camera.")],
-    *,
+@dataclass(frozen=True)
+class CalibrationInputs:
+    """Flags that name what is known about the cameras and the scene."""
+
     board: Annotated[
-        str,
+        str | None,
         Parameter(
             help="Board, such as charuco:7x5,square=30mm,marker=0.75,dict=4X4_50 or checkerboard:4x7,square=60mm "
             "(inner corners), or its file: TOML of posefuse, Caliscope or Anipose."
         ),
-    ],
-    output: Annotated[
-        Path, Parameter(name=["--output", "-o"], help="Calibration file to write, in Anipose's format (name.toml).")
-    ],
+    ] = None
+    scene_points: Annotated[
+        Path | None,
+        Parameter(
+            help="TOML or CSV file of points of known position and their places in the image of each camera; the poses "
+            "of the cameras follow from them."
+        ),
+    ] = None
     intrinsics: Annotated[
         Path | None, Parameter(help="Calibration file with known lenses; lenses that it lacks are estimated.")
-    ] = None,
-    timestamps: TimestampsPath = None,
+    ] = None
+    earlier: Annotated[
+        Path | None,
+        Parameter(
+            name="--from",
+            help="Earlier calibration of these cameras, some of which were moved since: its lenses are used, its world "
+            "is kept, and the cameras that moved are named.",
+        ),
+    ] = None
+    keypoints: KeypointsPath = None
+    timestamps: TimestampsPath = None
+
+
+def calibrate(
+    recording: Source = None,
+    *,
+    output: CalibrationOutput,
+    inputs: Annotated[CalibrationInputs, Parameter(name="*")] = CalibrationInputs(),
+    report: Annotated[bool, Parameter(help="Write a report beside the calibration (name.html).")] = True,
     overwrite: Overwrite = False,
     options: Annotated[
-        CalibrateOptions, Parameter(name="*", group=Group(OPTIONS_GROUP, sort_key=2))
+        CalibrateOptions, Parameter(name="*", group=Group("Options with --board", sort_key=2))
     ] = CalibrateOptions(),  # noqa: B008
+    people: Annotated[
+        PeopleOptions, Parameter(name="*", group=Group("Options without --board", sort_key=3))
+    ] = PeopleOptions(),  # noqa: B008
 ) -> None:
-    """Calibrate cameras from videos or pictures of a board that they see together.
+    """Calibrate cameras by a board, by the people or animals that they film, or by points of known position.
 
     Estimates lenses, poses and time offsets with standard deviations, and states what to film next.
     """
-    from posefuse.io.calibration.anipose import FORMAT, write
-    from posefuse.io.outputs import check_new_files
+    page = output.with_suffix(".html") if report and inputs.scene_points is None else None
+    _check_outputs(output, page, overwrite=overwrite)
+    if inputs.scene_points is not None:
+        rig = _by_scene(inputs.scene_points, recording, inputs, options)
+    else:
+        rig = _by_target(recording, inputs, options, people, page)
+    _write(rig, output, page)
+
+
+def _by_scene(
+    scene_points: Path, images: Path | None, inputs: CalibrationInputs, options: CalibrateOptions
+) -> "CameraRig":
+    """Calibrate by points of known position, and print the result."""
+    from posefuse.pipeline.calibrate_scene import calibrate_scene
+
+    result = calibrate_scene(
+        scene_points, images, inputs.board, intrinsics=inputs.intrinsics, options=options, progress=Bars()
+    )
+    describe_scene(result)
+    return result.rig
+
+
+def _by_target(
+    recording: Path | None,
+    inputs: CalibrationInputs,
+    options: CalibrateOptions,
+    people: PeopleOptions,
+    page: Path | None,
+) -> "CameraRig":
+    """Calibrate by a board or by people, print the result, and write the report."""
     from posefuse.pipeline.calibrate import calibrate as run
+    from posefuse.pipeline.calibration_report import write_calibration_report
+
+    if recording is None:
+        raise CalibrationError(
+            "Give the folder of the videos of a board and its `board`, the folder of a recording of people, or "
+            "`scene_points`."
+        )
+    if inputs.earlier is not None:
+        again = _from_earlier(recording, inputs.earlier, inputs, options)
+        if page is not None:
+            write_calibration_report(again, page)
+        return again.rig
+    result: BoardCalibration | PeopleCalibration = run(
+        recording, inputs.board, intrinsics=inputs.intrinsics, keypoints=inputs.keypoints,
+        timestamps=inputs.timestamps, options=None if options == CalibrateOptions() else options,
+        people=None if people == PeopleOptions() else people, progress=Bars(),
+    )  # fmt: skip
+    if isinstance(result, PeopleCalibration):
+        describe_people(result)
+    else:
+        describe_board(result)
+    if page is not None:
+        write_calibration_report(result, page)
+    return result.rig
+
+
+def _from_earlier(
+    images: Path, earlier: Path, inputs: CalibrationInputs, options: CalibrateOptions
+) -> BoardCalibration:
+    """Calibrate after cameras were moved, and print the result."""
+    from posefuse.pipeline.recalibrate import recalibrate
+
+    if inputs.board is None:
+        raise CalibrationError("An earlier calibration is brought up to date by images of a board: add `board`.")
+    if inputs.intrinsics is not None:
+        raise CalibrationError("The lenses are those of the earlier calibration: remove `intrinsics`.")
+    result = recalibrate(images, inputs.board, earlier, timestamps=inputs.timestamps, options=options, progress=Bars())
+    describe_board(result)
+    return result
+
+
+def _check_outputs(output: Path, page: Path | None, *, overwrite: bool) -> None:
+    """Refuse a name or existing files before any work is done."""
+    from posefuse.io.calibration.anipose import FORMAT
+    from posefuse.io.outputs import check_new_files
 
     if not output.name.endswith(FORMAT.file_endings):
         raise FileError(f"{output}: the name of the calibration must end in {choices(FORMAT.file_endings)}.")
-    check_new_files([output], overwrite=overwrite)
-    result = run(images, board, intrinsics=intrinsics, timestamps=timestamps, options=options, progress=Bars())
-    describe(result)
-    write(result.rig, output)
-    note(f"Wrote {output} in the format {FORMAT.name}")
+    check_new_files([output] if page is None else [output, page], overwrite=overwrite)
 
 
-def describe(result: BoardCalibration) -> None:
-    """Print the accuracy of a calibration and what to film next."""
-    say(
-        f"{count(len(result.cameras), 'camera')}, {count(result.n_corners, 'corner')} in "
-        f"{count(result.n_frames, 'frame')} of the board {result.board}"
-    )
-    distances = result.distances
-    say(
-        f"root mean square error {result.error_px:.2f} px; distances on the board {100 * distances.error:+.2f} % "
-        f"(spread {100 * distances.spread:.2f} %)"
-    )
-    columns = ["camera", "images", "error px", "focal px", "lens", "rotation +- deg", "center +- mm", "offset ms"]
-    rows = [_row(result, v, camera) for v, camera in enumerate(result.cameras)]
-    table(None, columns, rows)
-    note(f"+- is a standard deviation relative to camera {result.cameras[0].name!r}, in the worst direction.")
-    for line in advice(result):
-        note(line)
+def _write(rig: "CameraRig", output: Path, page: Path | None) -> None:
+    """Write the calibration after its report, so that a failure leaves no calibration."""
+    from posefuse.io.calibration.anipose import FORMAT, write
 
-
-def _row(result: BoardCalibration, v: int, report: CameraReport) -> list[str]:
-    camera = result.rig.cameras[v]
-    focal = f"{camera.matrix[0, 0]:.0f}" + (f" +-{report.focal_sd_px:.1f}" if report.focal_sd_px > 0 else "")
-    is_reference = v == 0
-    offset = (
-        "-"
-        if is_reference or report.offset_sd_s != report.offset_sd_s
-        else (f"{1000 * report.offset_s:.1f} +-{1000 * report.offset_sd_s:.1f}")
-    )
-    return [
-        camera.name,
-        str(report.n_images),
-        f"{report.error_px:.2f}",
-        focal,
-        "given" if report.lens_given else camera.lens.value,
-        "-" if is_reference else f"{report.rotation_sd_deg:.3f}",
-        "-" if is_reference else f"{1000 * report.center_sd_m:.1f}",
-        offset,
-    ]
-
-
-def advice(result: BoardCalibration) -> list[str]:
-    """Return what to film next: image regions without the board where the lens was estimated, and weak pairs."""
-    lines = []
-    for report in result.cameras:
-        missing = [] if report.lens_given else _missing_regions(report)
-        if missing:
-            lines.append(f"No board in the {', '.join(missing)} of camera {report.name!r}: film it there.")
-    for v, report in enumerate(result.cameras):
-        partners = [int(n) for u, n in enumerate(result.shared[v]) if u != v]
-        if partners and max(partners) < 10:
-            lines.append(
-                f"Camera {report.name!r} shares only {max(partners)} frames with any other camera: film the board "
-                "where both see it."
-            )
-    return lines
-
-
-def _missing_regions(report: CameraReport) -> list[str]:
-    """Return the ninths of the image in which no corner was found."""
-    rows, columns = report.covered.shape
-    vertical, horizontal = ("upper", "middle", "lower"), ("left", "center", "right")
-    missing = []
-    for r, high in enumerate(vertical):
-        for c, side in enumerate(horizontal):
-            part = report.covered[r * rows // 3 : (r + 1) * rows // 3, c * columns // 3 : (c + 1) * columns // 3]
-            if not part.any():
-                missing.append(f"{high} {side}")
-    return missing
+    write(rig, output)
+    note(f"Wrote {output} in the format {FORMAT.name}" + ("" if page is None else f", and {page}"))

@@ -5,6 +5,7 @@ Arguments that messages name in backticks are shown as flags (:mod:`posefuse.cli
 
 import math
 import os
+import re
 import textwrap
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
@@ -28,6 +29,7 @@ class _Pipe(Console):
         self.file = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
 
 
+_LABEL = re.compile(r"\s*[a-z][a-z ]*: ")
 out = _Pipe(highlight=False, soft_wrap=False)
 err = _Pipe(stderr=True, highlight=False)
 
@@ -112,9 +114,17 @@ def print_problem(kind: str, style: str, text: str) -> None:
 
 
 def _wrapped(text: str, width: int) -> str:
-    """Return the text in lines that fit; longer words, such as paths, are not broken."""
-    pieces = (textwrap.fill(line, width, break_long_words=False, break_on_hyphens=False) for line in text.split("\n"))
-    return "\n".join(pieces)
+    """Return the text in lines that fit; longer words, such as paths, are not broken.
+
+    Lines that continue one with a label, such as ``warning:``, are indented by two spaces.
+    """
+    lines = []
+    for line in text.split("\n"):
+        indent = line[: len(line) - len(line.lstrip())] + ("  " if _LABEL.match(line) else "")
+        lines.append(
+            textwrap.fill(line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+        )
+    return "\n".join(lines)
 
 
 def count(n: int, noun: str) -> str:

@@ -95,6 +95,9 @@ def _examine(rig: CameraRig, detections: Detections, options: Options) -> tuple[
     from posefuse.cli.verdict import say_verdict
     from posefuse.pipeline.diagnose import inspect_health
 
+    if detections.n_views < 2:
+        say("recording check: nothing checked, because the views of one camera cannot contradict each other")
+        return ()
     found = inspect_health(rig, detections, options, progress=Bars())
     if not found:
         say("recording check: no faults found")

@@ -43,7 +43,7 @@ COMMANDS = {
     "compare": "Compare triangulation methods on one recording.",
     "sync": "Measure the time offsets of views.",
     "calibrate-noise": "Estimate the noise of a detector.",
-    "calibrate": "Calibrate cameras from videos or pictures of a board.",
+    "calibrate": "Calibrate cameras by a board or by people.",
     "board": "Draw a calibration board to print.",
     "refine-calibration": "Refine the poses of cameras from detections.",
     "explain": "Explain the identities and points of one frame.",

@@ -11,9 +11,9 @@ from posefuse.cli.describe_result import describe_result, layer_remark
 from posefuse.cli.findings import AcceptFindings, exit_on_certain_faults
 from posefuse.cli.types import (
     Also,
+    BoardSpec,
     EditsPath,
     InputFlags,
-    Inputs,
     OptionFlags,
     Output,
     Overwrite,
@@ -41,6 +41,15 @@ class Shortcuts:
 
 
 @dataclass(frozen=True)
+class ReconstructionInputs(InputFlags):
+    """Flags that name the inputs of a reconstruction."""
+
+    board: BoardSpec = None
+    edits: EditsPath = None
+    sync: SyncPath = None
+
+
+@dataclass(frozen=True)
 class Outputs:
     """Flags of what is written, and of the exit code."""
 
@@ -53,9 +62,7 @@ def reconstruct(
     recording: Recording,
     *,
     output: Output,
-    inputs: Inputs = InputFlags(),  # noqa: B008
-    edits: EditsPath = None,
-    sync: SyncPath = None,
+    inputs: Annotated[ReconstructionInputs, Parameter(name="*")] = ReconstructionInputs(),
     shortcuts: Annotated[Shortcuts, Parameter(name="*")] = Shortcuts(),
     outputs: Annotated[Outputs, Parameter(name="*")] = Outputs(),
     options: OptionFlags = Options(),  # noqa: B008
@@ -76,15 +83,15 @@ def reconstruct(
     from posefuse.pipeline.reconstruct_recording import reconstruct_recording
 
     options = shortcuts.applied_to(options)
-    if sync is not None:
+    if inputs.sync is not None:
         from posefuse.io.options import read_sync
 
-        options = replace(options, sync=read_sync(sync))
+        options = replace(options, sync=read_sync(inputs.sync))
     outcome = reconstruct_recording(
         recording,
         output,
         options,
-        inputs=inputs.paths(edits),
+        inputs=replace(inputs.paths(inputs.edits), board=inputs.board),
         also=outputs.also,
         overwrite=outputs.overwrite,
         progress=Bars(),

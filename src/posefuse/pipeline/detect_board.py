@@ -1,22 +1,42 @@
-"""Detect the corners of a board in the images of all cameras, in parallel processes."""
+"""Detect the corners of a board in the images of all cameras, each camera in a thread of its own.
+
+Long videos get a quick look first, and are then examined where the board shows something new
+(:mod:`posefuse.calibration.boards.choose_frames`). Corners are kept in the cache, so that the same images and board are
+not examined twice.
+"""
 
 import os
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
-from itertools import islice
-from multiprocessing import get_context
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import astuple, dataclass
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
 
 import numpy as np
 
-from posefuse.detection.boards.detector import BoardDetector, MarkersFound, identify_markers
+from posefuse.calibration.boards.choose_frames import (
+    MAX_IMAGES,
+    QuickLook,
+    choose_periods,
+    numbers_in_periods,
+    quick_numbers,
+)
+from posefuse.detection.boards import detector as detector_module
+from posefuse.detection.boards.detector import BoardDetector
+from posefuse.detection.boards.search import BoardSearch
 from posefuse.errors import CalibrationError
-from posefuse.io.board_images import GrayImage, ViewImages, gray_images
+from posefuse.io.board_images import ImageReader, ViewImages, image_count
+from posefuse.io.cache import read_cached, write_cached
+from posefuse.io.checkpoints import digest_of
+from posefuse.io.open_recording import digest_path
+from posefuse.io.videos.reader import image_times_s
 from posefuse.model.board import Board
+from posefuse.pipeline.wrong_board import explain_missing_board, require_stated_board
 from posefuse.progress import Progress, Silent
 
-_BATCH = 16
-_N_EXAMPLES = 4
+_CACHE = "boards"
+_ARRAYS = ("size_px", "numbers", "time_s", "corners_px")
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +50,7 @@ class ViewCorners:
         time_s: shape (image,): times since the first image; NaN for pictures.
         corners_px: shape (image, corner, 2), NaN where not found.
         labels: names of the images: those of pictures, empty for a video.
+        notes: sentences for the user, such as that a video breaks off.
     """
 
     name: str
@@ -38,6 +59,7 @@ class ViewCorners:
     time_s: np.ndarray
     corners_px: np.ndarray
     labels: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def n_found(self) -> int:
@@ -49,7 +71,7 @@ def detect_board(
     views: Sequence[ViewImages],
     board: Board,
     *,
-    every: int = 1,
+    every: int | None = None,
     jobs: int | None = None,
     progress: Progress | None = None,
 ) -> tuple[ViewCorners, ...]:
@@ -58,40 +80,107 @@ def detect_board(
     Args:
         views: images of each camera.
         board: the board.
-        every: interval of the images of a video that are examined.
-        jobs: number of processes; None for one per core.
+        every: interval of the images of a video that are examined; None for all images of short videos, and the most
+            informative periods of long ones.
+        jobs: number of threads; None for one per core.
         progress: receives the progress.
 
     Raises:
-        CalibrationError: if no camera shows the board; the message names the markers that the images contain instead.
+        CalibrationError: if no camera shows the board, or another one; the message names the markers that the images
+            contain instead.
         FileError: if an image cannot be read, or OpenCV is not installed.
     """
     progress = progress or Silent()
     detector = BoardDetector(board, thorough=not views[0].is_video)
-    workers = min(jobs or os.cpu_count() or 1, len(views))
-    progress.start("detecting the board", len(views))
-    found: list[ViewCorners] = []
-    if workers == 1:
-        for view in views:
-            found.append(_detect_view(view, detector, every))
-            progress.advance(1)
+    run = partial(_detect_views, detector=detector, jobs=jobs, progress=progress)
+    counts = [image_count(view) for view in views]
+    if every is not None or not views[0].is_video or max(counts) <= MAX_IMAGES:
+        step = (every or 1) if views[0].is_video else 1
+        found = run(views, [np.arange(0, n, step) for n in counts], name="detecting the board")
     else:
-        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-            futures = [pool.submit(_detect_view, view, detector, every) for view in views]
-            for future in futures:
-                found.append(future.result())
-                progress.advance(1)
-    progress.finish()
+        quick = run(views, [quick_numbers(n) for n in counts], name="looking for the board")
+        if not any(view.n_found for view in quick):
+            raise CalibrationError(explain_missing_board(views, board))
+        starts_s = choose_periods([QuickLook(view.time_s, view.corners_px, view.size_px) for view in quick])
+        wanted = [numbers_in_periods(image_times_s(view.files[0]), starts_s) for view in views]
+        found = run(views, wanted, name="detecting the board")
     if not any(view.n_found for view in found):
-        raise CalibrationError(_not_found(views, board, every))
+        raise CalibrationError(explain_missing_board(views, board))
+    require_stated_board(views, board, [_best_image(view) for view in found])
+    return found
+
+
+def _best_image(view: ViewCorners) -> int | None:
+    """Return the number of the image with the most corners, or None if none shows the board."""
+    counts = np.isfinite(view.corners_px[:, :, 0]).sum(axis=1)
+    return int(view.numbers[np.argmax(counts)]) if counts.any() else None
+
+
+def _detect_views(
+    views: Sequence[ViewImages],
+    wanted: Sequence[np.ndarray],
+    *,
+    detector: BoardDetector,
+    jobs: int | None,
+    progress: Progress,
+    name: str,
+) -> tuple[ViewCorners, ...]:
+    """Return the corners in the wanted images of all cameras, each camera in a thread of its own.
+
+    OpenCV and the video decoder release the interpreter's lock, so threads run side by side.
+    """
+    progress.start(name, len(views))
+    found: list[ViewCorners] = []
+    with ThreadPoolExecutor(min(jobs or os.cpu_count() or 1, len(views))) as pool:
+        futures = [
+            pool.submit(_detect_view, view, detector, numbers) for view, numbers in zip(views, wanted, strict=True)
+        ]
+        for future in futures:
+            found.append(future.result())
+            progress.advance(1)
+    progress.finish()
     return tuple(found)
 
 
-def _detect_view(view: ViewImages, detector: BoardDetector, every: int) -> ViewCorners:
-    """Return the corners in the images of one camera."""
+def _detect_view(view: ViewImages, detector: BoardDetector, wanted: np.ndarray) -> ViewCorners:
+    """Return the corners in some images of one camera, from the cache if they are there."""
+    labels = () if view.is_video else tuple(file.name for file in view.files)
+    key = _key(view, detector, wanted)
+    cached = read_cached(_CACHE, key, (*_ARRAYS, "notes"))
+    if cached is not None:
+        width, height = cached["size_px"].tolist()
+        # Names of cameras are those of the files, which the content does not determine.
+        notes = tuple(str(note).format(name=view.name) for note in cached["notes"])
+        arrays = {name: cached[name] for name in _ARRAYS[1:]}
+        return ViewCorners(view.name, (width, height), **arrays, labels=labels, notes=notes)
+    found = _examine(view, detector, wanted, labels)
+    notes = np.array([note.replace(repr(view.name), "{name!r}") for note in found.notes], dtype=np.str_)
+    write_cached(_CACHE, key, {name: np.asarray(getattr(found, name)) for name in _ARRAYS} | {"notes": notes})
+    return found
+
+
+def _key(view: ViewImages, detector: BoardDetector, wanted: np.ndarray) -> str:
+    """Return a digest of everything that the corners depend on: contents, but no path or time."""
+    return digest_of(
+        {
+            "images": [digest_path(file) for file in view.files],
+            "wanted": wanted.tolist(),
+            "board": [str(each) for each in astuple(detector.board)],
+            "thorough": detector.thorough,
+            "versions": [version("posefuse"), version("av"), detector.library_version],
+            # The cache outlives changes of the program.
+            "program": digest_path(Path(detector_module.__file__).with_name("detector.py")),
+            "search": digest_path(Path(detector_module.__file__).with_name("search.py")),
+        }
+    )
+
+
+def _examine(view: ViewImages, detector: BoardDetector, wanted: np.ndarray, labels: tuple[str, ...]) -> ViewCorners:
+    """Return the corners in some images of one camera."""
     numbers, times, corners = [], [], []
     size = (0, 0)
-    for image in gray_images(view, every):
+    reader, search = ImageReader(view), BoardSearch(detector) if view.is_video else detector
+    for image in reader.images(frozenset(wanted.tolist()).__contains__):
         shape = image.gray.shape[1], image.gray.shape[0]
         if size not in ((0, 0), shape):
             raise CalibrationError(
@@ -101,41 +190,8 @@ def _detect_view(view: ViewImages, detector: BoardDetector, every: int) -> ViewC
         size = shape
         numbers.append(image.number)
         times.append(image.time_s)
-        corners.append(detector.corners_px(image.gray))
-    labels = () if view.is_video else tuple(file.name for file in view.files)
+        corners.append(search.corners_px(image.gray))
     pixels = np.array(corners).reshape(len(corners), -1, 2)
-    return ViewCorners(view.name, size, np.array(numbers, dtype=np.int64), np.array(times), pixels, labels)
-
-
-def _examples(view: ViewImages, every: int) -> Iterator[GrayImage]:
-    """Yield some images of a camera, spread over the first of them."""
-    return islice(gray_images(view, every * _BATCH if view.is_video else 1), _N_EXAMPLES)
-
-
-def _not_found(views: Sequence[ViewImages], board: Board, every: int) -> str:
-    """Return why no image shows the board, from the markers that the images contain."""
-    text = f"No image shows the board {board}."
-    examples = [image.gray for view in views for image in _examples(view, every)]
-    other = identify_markers(examples) if board.kind != "checkerboard" else None
-    if other is None:
-        return (
-            f"{text} Check its numbers of columns and rows"
-            f"{'' if board.kind == 'checkerboard' else ' and its dictionary'}, and that it is flat, sharp and well lit."
-        )
-    return f"{text} {_difference(other, board)}"
-
-
-def _difference(other: MarkersFound, board: Board) -> str:
-    """Return how the markers of the images differ from those of the board."""
-    if other.mirrored:
-        return "The images are mirrored: turn off the mirroring of the camera and film the board again."
-    if other.dictionary != board.dictionary:
-        return f"The images contain markers of the dictionary {other.dictionary}: write dict={other.dictionary}."
-    if other.inverted != board.inverted:
-        return "Black and white are swapped in the images: " + (
-            "add inverted to the board." if other.inverted else "remove inverted from the board."
-        )
-    return (
-        f"The images contain {other.n_markers} markers of its dictionary, up to number {other.highest}: check the "
-        "numbers of columns and rows, and whether the pattern is legacy."
+    return ViewCorners(
+        view.name, size, np.array(numbers, dtype=np.int64), np.array(times), pixels, labels, tuple(reader.notes)
     )

@@ -5,8 +5,9 @@ from pathlib import Path
 
 from posefuse.arguments import checked
 from posefuse.diagnostics import recording_check
-from posefuse.diagnostics.examine import DEEP, SHORT
+from posefuse.diagnostics.examine import DEEP, SHORT, examine
 from posefuse.diagnostics.findings import rank_findings
+from posefuse.diagnostics.recording_check import collect_observations
 from posefuse.diagnostics.registry import list_findings
 from posefuse.diagnostics.time_offsets import ViewTiming
 from posefuse.errors import DetectionsError
@@ -128,6 +129,18 @@ def judge_sync(
     if not examination.observations.rate_known:
         raise DetectionsError("sync needs times, but the files contain no frame rate. Add `rate_hz`.")
     return timings, recording_check.sync_options(timings), list_findings(examination)
+
+
+def judge_poses(
+    rig: CameraRig, detections: Detections, options: Options, progress: Progress
+) -> tuple[tuple[Finding, ...], dict[str, tuple[float, float]]]:
+    """Return the findings of :func:`inspect_health`, and the standard deviations of the poses in degrees and m.
+
+    There are no standard deviations if the views do not agree well enough.
+    """
+    examination = examine(collect_observations(*_with_subjects(rig, detections, options, progress)))
+    sds = {} if examination.verdict is None else examination.verdict.pose_sds()
+    return list_findings(examination), sds
 
 
 def _with_subjects(

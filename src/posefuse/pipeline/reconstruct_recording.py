@@ -17,6 +17,7 @@ from posefuse.io.results import netcdf
 from posefuse.model.findings import Finding
 from posefuse.model.options.options import LayerName, Options
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.pipeline.calibrate_recording import ensure_calibration
 from posefuse.pipeline.diagnose import check_recording
 from posefuse.pipeline.distributed import PieceRunner, Workers, prepare_distributed, reconstruct_distributed
 from posefuse.pipeline.edit_result import Edits, write_edited
@@ -118,7 +119,8 @@ def reconstruct_recording(
         recording: folder of the recording.
         output: folder for the result; created if absent.
         options: options of the reconstruction.
-        inputs: paths of inputs that are not found in the folder or are ambiguous there, and edits to apply.
+        inputs: paths of inputs that are not found in the folder or are ambiguous there, edits to apply, and the board
+            of a recording that has images of it instead of a calibration.
         also: other formats to write, see ``posefuse formats``.
         overwrite: whether to replace an earlier result in the folder, whatever its inputs and options.
         progress: receives the progress.
@@ -134,6 +136,7 @@ def reconstruct_recording(
     """
     output, execution = Path(output), execution or Execution()
     require_known_formats(also)
+    ensure_calibration(Path(recording), inputs or RecordingInputs(), progress)
     request = _Request(Path(recording), options or Options(), inputs or RecordingInputs(), also, execution.workers)
     mark = None if overwrite or not is_occupied(output) else find_earlier(output, [request.keys()])
     if mark is not None:

@@ -5,7 +5,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
 
-from posefuse.calibration.outcome import Refinement
+from posefuse.calibration.outcome import Refinement, with_slow_errors
 from posefuse.errors import FileError
 from posefuse.io.boards import find_board, read_board
 from posefuse.io.calibration.read import read_cameras
@@ -19,7 +19,7 @@ from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
 from posefuse.model.options.refinement import RefineOptions
-from posefuse.pipeline.diagnose import inspect_health
+from posefuse.pipeline.diagnose import judge_poses
 from posefuse.pipeline.refine_calibration import refine_calibration
 from posefuse.progress import Progress, Silent
 
@@ -70,7 +70,9 @@ def refine_recording(
         options, refining = replace(options, people="one"), replace(refining, rigid=True)
     result = refine_calibration(rig, detections, options, refining, progress=progress)
     if source == "keypoints":
-        result = replace(result, findings=inspect_health(rig, detections, options, progress=progress))
+        findings, sds = judge_poses(rig, detections, options, progress)
+        cameras = tuple(with_slow_errors(camera, *sds.get(camera.name, (0.0, 0.0))) for camera in result.cameras)
+        result = replace(result, findings=findings, cameras=cameras)
     return result, write_like(_with_notes(result, calibration, source), output, calibration)
 
 

@@ -1,0 +1,60 @@
+"""Calibrate the cameras of a recording that has images of a board instead of a calibration."""
+
+from pathlib import Path
+
+from posefuse.calibration.assessment import assess
+from posefuse.calibration.boards.summary import summarize_board
+from posefuse.errors import CalibrationError
+from posefuse.io.board_images import find_board_folder
+from posefuse.io.board_specs import find_board_spec
+from posefuse.io.calibration.anipose import write
+from posefuse.io.files import replacing
+from posefuse.io.open_recording import RecordingInputs
+from posefuse.io.recording import CALIBRATION_FILE, find_recording
+from posefuse.pipeline.calibrate_board import calibrate_by_board
+from posefuse.pipeline.calibration_report import write_calibration_report
+from posefuse.progress import Progress
+
+
+def ensure_calibration(folder: Path, inputs: RecordingInputs, progress: Progress | None = None) -> Path | None:
+    """Calibrate the cameras of a recording, unless it has a calibration or no images of a known board.
+
+    The calibration and its report are written into the recording, or beside images that are above it, where the other
+    recordings of the session find them, too.
+
+    Args:
+        folder: folder of the recording.
+        inputs: paths of its inputs, and the board.
+        progress: receives the progress.
+
+    Returns:
+        The calibration that was written, or None.
+
+    Raises:
+        CalibrationError: if the images do not determine the cameras.
+        PosefuseError: if a file cannot be read.
+    """
+    if inputs.calibration is not None or not folder.is_dir():
+        return None
+    images = find_board_folder(folder)
+    if images is None:
+        return None
+    board = inputs.board or find_board_spec((images, folder))
+    if board is None:
+        return None
+    recording = find_recording(folder)
+    if recording.calibrations or not (recording.keypoints or inputs.keypoints):
+        return None
+    result = calibrate_by_board(images, board, progress=progress)
+    summary = summarize_board(result)
+    assessment = assess(summary)
+    if assessment.level == "bad":
+        raise CalibrationError(
+            f"Calibration from {images}: {assessment.sentence} {assessment.advice[0].remedy}".strip()
+        )
+    inside = images.parent == folder.resolve()
+    target = (folder if inside else images) / CALIBRATION_FILE
+    write_calibration_report(summary, target.with_suffix(".html"))
+    with replacing(target) as temporary:
+        write(result.rig, temporary)
+    return target
