@@ -1,6 +1,8 @@
 # The two that matter: make demo, make test. Both set up everything in .venv first.
 BIN := .venv/bin
 PYTEST := $(BIN)/python -m pytest
+# The processes of a test run share the cores: matrix products in several threads each would only compete.
+export OPENBLAS_NUM_THREADS ?= 1
 LOCK := pyproject.toml uv.lock scripts/bootstrap.sh
 
 .PHONY: demo test test-long check lint types borders format benchmark clean

@@ -21,6 +21,18 @@ def pytest_configure(config: pytest.Config) -> None:
             os.utime(kernel, ns=(newest, newest))
 
 
+@pytest.fixture(autouse=True, scope="session")
+def _own_cache(tmp_path_factory):
+    """Keep caches out of the home folder, also those of commands in processes of their own."""
+    before = os.environ.get("POSEFUSE_CACHE")
+    os.environ["POSEFUSE_CACHE"] = str(tmp_path_factory.mktemp("cache"))
+    yield
+    if before is None:
+        del os.environ["POSEFUSE_CACHE"]
+    else:
+        os.environ["POSEFUSE_CACHE"] = before
+
+
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(20)

@@ -1,6 +1,7 @@
 """Fixtures of the command-line tests."""
 
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,10 @@ from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native
 from posefuse.synthetic.options import CLEAN, SceneOptions
 from posefuse.synthetic.scenes import simulate
+
+BROWSER = next(
+    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
+)
 
 
 @pytest.fixture
@@ -42,3 +47,16 @@ def recording(tmp_path, clean_scene) -> Path:
     native.write(clean_scene.detections, folder / "keypoints.nc")
     posefuse.write(clean_scene.truth, tmp_path / "truth.nc")
     return folder
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """A browser without a window; tests that need it are skipped if there is none."""
+    if BROWSER is None:
+        pytest.skip("no chromium, chromium-browser or google-chrome on PATH to open the page in")
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    with playwright.sync_playwright() as driver:
+        # Containers may lack the privileges that the sandbox requires.
+        opened = driver.chromium.launch(executable_path=BROWSER, args=["--no-sandbox", "--disable-gpu"])
+        yield opened
+        opened.close()

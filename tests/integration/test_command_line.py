@@ -14,6 +14,7 @@ import posefuse
 from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native
 from posefuse.io.results import trc
+from posefuse.model.cameras import CameraRig
 from tests.files import anipose_toml, write_openpose
 
 OUTPUTS = [
@@ -398,3 +399,12 @@ def test_one_person_of_several_is_the_one_seen_longest(run, recording, tmp_path,
     assert code == 0
     assert "the person whom the cameras see longest" in output.replace("\n", " ")
     assert (tmp_path / "o" / "person_1.trc").is_file()
+
+
+def test_deep_inspection_of_one_camera_states_that_nothing_was_checked(tmp_path, clean_scene, run):
+    anipose.write(CameraRig(clean_scene.rig.cameras[:1]), tmp_path / "calibration.toml")
+    native.write(clean_scene.detections.views(clean_scene.rig.names[:1]), tmp_path / "keypoints.nc")
+    code, out, err = run("inspect", tmp_path, "--deep")
+    assert code == 0, err
+    assert "nothing checked" in out
+    assert "no faults found" not in out

@@ -52,7 +52,7 @@ def python_blocks(page: Path) -> list[str]:
     return re.findall(r"(?ms)^```python\n(.*?)^```", page.read_text("utf-8"))
 
 
-OTHER_PACKAGES = ("rtmlib", "aniposelib")
+OTHER_PACKAGES = ("rtmlib",)
 """Packages of other projects that a block may import; such a block is only compiled."""
 
 

@@ -1,7 +1,6 @@
 """The report page in a browser: loading, playback, navigation, printing."""
 
 import re
-import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -10,22 +9,7 @@ import pytest
 from posefuse.report.html import render_report
 from tests.people import simulate_walkers, track_perfectly
 
-BROWSER = next(
-    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
-)
 HOSTILE = '<img src=x onerror="window.ran=1">'
-
-
-@pytest.fixture(scope="module")
-def browser():
-    if BROWSER is None:
-        pytest.skip("no chromium, chromium-browser or google-chrome on PATH to open the report in")
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    with playwright.sync_playwright() as driver:
-        # Containers may lack the privileges that the sandbox requires.
-        opened = driver.chromium.launch(executable_path=BROWSER, args=["--no-sandbox", "--disable-gpu"])
-        yield opened
-        opened.close()
 
 
 @pytest.fixture(scope="module")

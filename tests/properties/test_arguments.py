@@ -76,6 +76,7 @@ def world(tmp_path_factory) -> SimpleNamespace:
         checkpoint=posefuse.CheckpointFolder(folder / "parts", "key"),
         inferred=posefuse.InferredUp(np.array([0.0, 0.0, 1.0]), 1.0),
         alignment=posefuse.Alignment(np.eye(3), np.zeros(3)),
+        covariance=posefuse.CameraCovariance("cam_0", ("fx",), np.eye(1)),
     )  # fmt: skip
 
 
@@ -157,6 +158,7 @@ def valid_call(w: SimpleNamespace, name: str, member: Any) -> tuple[Callable[...
     owner, _, method = name.partition(".")
     instances = {
         "Alignment": w.alignment, "Camera": w.scene.rig.cameras[0], "CameraRig": w.scene.rig,
+        "CameraCovariance": w.covariance,
         "CheckpointFolder": w.checkpoint, "Detections": w.scene.detections, "Finding": None, "Frame": w.frame,
         "InferredUp": w.inferred, "Layer": w.layer, "NoiseModel": w.people.noise, "PeoplePoints": w.paired,
         "Reconstruction": w.result, "Skeleton": w.scene.detections.skeleton, "StoredPoints": w.points,

@@ -3,9 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from benchmarks import held_out, real_recordings
 
 import posefuse
+from posefuse.calibration.people.match import match_views
+from posefuse.calibration.people.tracks import tracks_in_views
+from posefuse.errors import CalibrationError
 from posefuse.model.detections import Detections
 from posefuse.model.options.tracker import InitiationOptions
 from posefuse.skeleton.skeletons import shipped_skeleton
@@ -56,3 +60,10 @@ def test_fly_tracked_at_25_hz_has_small_reprojection_errors(shared_data):
     assert np.isfinite(share).mean() > 0.9
     assert np.nanmedian(share) < 0.02
     assert np.nanpercentile(share, 90) < 0.05
+
+
+def test_cameras_of_a_fly_cannot_be_calibrated_from_it(shared_data):
+    """Telephoto lenses: the error says why, instead of poses that are wrong by tens of degrees."""
+    rig, detections = real_recordings.fly_3cam(shared_data("fly_3cam").parent)
+    with pytest.raises(CalibrationError, match="Perspective is too weak"):
+        match_views(tracks_in_views(detections, rig.cameras))

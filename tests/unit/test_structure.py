@@ -28,8 +28,13 @@ TESTED_ELSEWHERE = {
     "integration/test_batch_command.py": ("batch/work.py",),
     "integration/test_calibrate_command.py": (
         "io/board_images.py",
-        "pipeline/calibrate.py",
+        "pipeline/calibrate_board.py",
+        "calibration/people/summary.py",
+        "pipeline/calibrate_scene.py",
         "pipeline/detect_board.py",
+        "pipeline/wrong_board.py",
+        "detection/boards/layout.py",
+        "io/cache.py",
         "visualize/board_sheet.py",
     ),
     "integration/test_command_line.py": ("cli/*.py",),
@@ -52,10 +57,18 @@ TESTED_ELSEWHERE = {
     "unit/alignment/test_apply.py": ("model/alignment.py",),
     "unit/association/test_groups.py": ("association/group_points.py",),
     "unit/association/test_proposals.py": ("model/proposals.py",),
+    "unit/calibration/scene/test_calibration.py": ("calibration/scene/first_pose.py",),
     "unit/calibration/test_refine.py": (
         "calibration/checks.py",
         "calibration/uncertainty.py",
         "pipeline/refine_calibration.py",
+    ),
+    "unit/calibration/people/test_match.py": (
+        "calibration/people/assemble.py",
+        "calibration/people/bodies.py",
+        "calibration/people/body_bundle.py",
+        "calibration/people/sample_sides.py",
+        "calibration/people/sides.py",
     ),
     "unit/diagnostics/test_registry.py": (
         "diagnostics/camera_poses.py",

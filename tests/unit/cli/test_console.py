@@ -25,6 +25,15 @@ def test_sentences_are_wrapped_and_paths_are_not(capsys, monkeypatch):
     assert len(lines) > 2
 
 
+def test_continued_lines_of_labeled_messages_are_indented(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    console.note("  note: " + "word " * 40)
+    console.note("word " * 40)
+    lines = capsys.readouterr().out.splitlines()
+    assert [len(line) - len(line.lstrip()) for line in lines] == [2, 4, 4, 0, 0, 0]
+    assert all(len(line) <= 80 for line in lines)
+
+
 def test_percent_of_nan_is_a_dash():
     assert console.percent(float("nan")) == "-"
     assert console.percent(0.123) == "12.3 %"

@@ -11,6 +11,7 @@ import pytest
 from posefuse.cli.flags import COMMANDS, FLAGS, as_flags
 from posefuse.cli.main import COMMANDS as PROGRAMS
 from posefuse.cli.main import main
+from posefuse.model.options.calibration import CalibrateOptions, PeopleOptions
 from posefuse.model.options.catalog import options_by_name
 from posefuse.model.options.refinement import RefineOptions
 from posefuse.model.options.stream import StreamOptions
@@ -21,15 +22,17 @@ SOURCES = [path for path in sorted((ROOT / "src" / "posefuse").rglob("*.py")) if
 
 OTHER_TEXT = {
     "report/people.py": "a CSS variable",
+    "report/calibration/tables.py": "a CSS variable",
+    "io/recording.py": "the command to calibrate a board with",
     "io/videos/writer.py": "a flag of pip",
     "io/options_template.py": "a file",
 }
 """Files whose texts contain flags that are not arguments of posefuse, or that only the command line writes."""
 
 OTHER_ARGUMENTS = {
-    "intrinsics",
-    "accept_findings", "also", "angle", "calibration", "figure", "format", "input", "jobs", "keypoints", "output",
-    "overwrite", "path", "save", "scheduler", "sync", "timestamps", "videos",
+    "accept_findings", "also", "angle", "board", "calibration", "figure", "format", "images", "input",
+    "intrinsics", "jobs", "keypoints", "output", "overwrite", "path", "recording", "save", "scene_points",
+    "scheduler", "sync", "timestamps", "videos",
 }  # fmt: skip
 """Arguments of functions and commands that are no options, and that messages may name."""
 
@@ -82,7 +85,11 @@ def test_no_message_outside_the_command_line_names_a_flag():
 def test_arguments_that_messages_name_exist():
     known = OTHER_ARGUMENTS | set(options_by_name()) | set(COMMANDS)
     known |= {entry.table for entry in options_by_name().values()}
-    known |= {field.name for record in (OverlayOptions, RefineOptions, StreamOptions) for field in fields(record)}
+    known |= {
+        field.name
+        for record in (CalibrateOptions, OverlayOptions, PeopleOptions, RefineOptions, StreamOptions)
+        for field in fields(record)
+    }
     quoted = {
         name for path in SOURCES for _, text in texts(path) for name in re.findall(r"`([a-z][\w.]*)(?:=|`)", text)
     }
