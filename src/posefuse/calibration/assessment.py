@@ -15,6 +15,8 @@ Detectors of keypoints err by about 3 px at a focal length of 1000 px, 0.3 %; a 
 """
 _GOOD_LENGTH, _USABLE_LENGTH = 0.005, 0.02
 _MIN_SHARED = 10
+_MIN_PATH_SHARE, _ENDS = 0.5, (0.95, 0.05)
+"""Least path of a walking person in sizes of a body, and the quantiles of the places that it is measured between."""
 _LARGE_ERROR = 1.5
 _NOTICEABLE_SHARE = 0.0003
 """Errors below this share of the image's width (0.6 px of 1920) are not worth a remark."""
@@ -27,7 +29,7 @@ _ORDER: dict[AssessmentLevel, int] = {"bad": 0, "check": 1, "note": 2, "good": 3
 
 def assess(summary: CalibrationSummary) -> Assessment:
     """Return the verdict on a calibration, its weaknesses, and what to do about them."""
-    checks = (_left_out, _volume, _lengths, _links, _errors, _structure, _held_out, _regions, _offsets)
+    checks = (_left_out, _volume, _motion, _lengths, _links, _errors, _structure, _held_out, _regions, _offsets)
     found = sorted(chain.from_iterable(check(summary) for check in checks), key=lambda each: _ORDER[each.level])
     levels = {each.level for each in found}
     accuracy = _accuracy(summary)
@@ -87,6 +89,35 @@ def _volume(summary: CalibrationSummary) -> Iterator[Advice]:
         if camera.center_sd_m > _USABLE_SHARE * volume.distance_m:
             text = f"The position of camera {name!r} is known only to {_millimetres(camera.center_sd_m)}."
             yield Advice("check", name, text, f"{_filmed(summary)} where it and other cameras see the same place.")
+
+
+def _motion(summary: CalibrationSummary) -> Iterator[Advice]:
+    """Warn of people who stay in one place, whose errors are those of their detector and hardly average out.
+
+    On simulated rigs, 95 % regions contain the truth in 84 to 92 % with people who walk, and in 30 to 45 % with people
+    who stand.
+    """
+    if summary.target == "people" and _path_share(summary.points_m) < _MIN_PATH_SHARE:
+        text = "People stay in one place, so the standard deviations may be several times too small."
+        remedy = f"{_filmed(summary)} who walks through the whole volume, in several directions."
+        yield Advice("check", "", text, remedy)
+
+
+def _path_share(points_m: np.ndarray) -> float:
+    """Return how far the center of a subject moves, in sizes of a body; that of the subject who moves most.
+
+    Args:
+        points_m: shape (pose, subject, point, 3), NaN where unknown.
+    """
+    best = 0.0
+    for body in np.swapaxes(points_m, 0, 1):
+        known = body[np.isfinite(body[..., 0]).sum(axis=1) > 2]
+        if len(known):
+            centers = np.nanmedian(known, axis=1)
+            sizes = np.linalg.norm(np.nanmax(known, axis=1) - np.nanmin(known, axis=1), axis=1)
+            moved = np.linalg.norm(np.subtract(*np.quantile(centers, _ENDS, axis=0)))
+            best = max(best, float(moved / np.median(sizes)))
+    return best
 
 
 def _lengths(summary: CalibrationSummary) -> Iterator[Advice]:

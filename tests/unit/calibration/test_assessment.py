@@ -66,3 +66,20 @@ def test_people_are_not_called_a_board():
     found = assess(people_summary())
     assert not any("board" in str(each) for each in found.advice)
     assert "5 %" in found.sentence
+
+
+@pytest.mark.parametrize(("path_m", "stays"), [(0.2, True), (3.0, False)])
+def test_people_who_stay_in_one_place_are_named(path_m, stays):
+    rng = np.random.default_rng(0)
+    body = rng.uniform(-0.5, 0.5, (17, 3)) * (0.5, 0.5, 1.8)
+    places = np.linspace(0.0, path_m, 40)[:, None] * (1.0, 0.0, 0.0)
+    points_m = (body + places[:, None])[:, None] + 0.01 * rng.normal(size=(40, 1, 17, 3))
+    points_m[3] = np.nan
+    found = assess(replace(people_summary(), points_m=points_m)).advice
+    assert any("stay in one place" in each.sentence for each in found) == stays
+
+
+def test_a_board_that_stays_in_one_place_is_not_a_person():
+    summary = board_summary()
+    still = replace(summary, points_m=summary.points_m[:1].repeat(10, axis=0))
+    assert not any("stay in one place" in each.sentence for each in assess(still).advice)
