@@ -7,6 +7,7 @@ import numpy as np
 from posefuse.kernels.jit import kernel, subroutine
 from posefuse.kernels.linear_algebra.rotations import exponential
 from posefuse.kernels.linear_algebra.symmetric import cholesky, cholesky_solve
+from posefuse.kernels.linear_algebra.tangents import tangents_of
 
 ROTATION, CENTER, OFFSET, FOCAL, VIEW_COLUMNS = 0, 3, 6, 7, 8
 """Columns of the parameters of a view: rotation about the camera's axes, center, time offset, logarithm of the focal
@@ -14,21 +15,6 @@ length. The logarithms of the lengths of bones follow after all views."""
 
 STUDENT_T_DOF = 3.0
 _MIN_COSINE = 0.05
-
-
-@subroutine
-def _tangents(ray, out):
-    """Write two unit vectors across a ray."""
-    k = 0
-    for j in range(1, 3):
-        if abs(ray[j]) < abs(ray[k]):
-            k = j
-    norm = math.sqrt(1.0 - ray[k] * ray[k])
-    for j in range(3):
-        out[0, j] = ((1.0 if j == k else 0.0) - ray[k] * ray[j]) / norm
-    out[1, 0] = ray[1] * out[0, 2] - ray[2] * out[0, 1]
-    out[1, 1] = ray[2] * out[0, 0] - ray[0] * out[0, 2]
-    out[1, 2] = ray[0] * out[0, 1] - ray[1] * out[0, 0]
 
 
 @subroutine
@@ -49,7 +35,7 @@ def _observation(rotation, center, point, observed, row, tangents):
     length = math.sqrt(px * px + py * py + pz * pz)
     if not depth > _MIN_COSINE * length:
         return False
-    _tangents(observed, tangents)
+    tangents_of(observed, tangents)
     for i in range(2):
         tx, ty, tz = tangents[i, 0], tangents[i, 1], tangents[i, 2]
         along = (tx * px + ty * py + tz * pz) / depth

@@ -11,6 +11,7 @@ import numpy as np
 from posefuse.kernels.jit import kernel, subroutine
 from posefuse.kernels.linear_algebra.rotations import exponential
 from posefuse.kernels.linear_algebra.symmetric import cholesky, cholesky_solve
+from posefuse.kernels.linear_algebra.tangents import tangents_of
 
 RAY_A, RAY_B, VELOCITY, VARIANCE_A, VARIANCE_B, COLUMNS = 0, 3, 6, 9, 10, 11
 """Columns of a table of points: unit rays of both views, change of the second ray per second, and the variance of the
@@ -93,21 +94,6 @@ def epipolar_residuals(rotation, translation, points, residuals):
 
 
 @subroutine
-def _tangents(t, out):
-    """Write two unit vectors across a unit vector; their cross product is the vector."""
-    k = 0
-    for j in range(1, 3):
-        if abs(t[j]) < abs(t[k]):
-            k = j
-    norm = math.sqrt(1.0 - t[k] * t[k])
-    for j in range(3):
-        out[0, j] = ((1.0 if j == k else 0.0) - t[k] * t[j]) / norm
-    out[1, 0] = t[1] * out[0, 2] - t[2] * out[0, 1]
-    out[1, 1] = t[2] * out[0, 0] - t[0] * out[0, 2]
-    out[1, 2] = t[0] * out[0, 1] - t[1] * out[0, 0]
-
-
-@subroutine
 def _row(pose, tangents, points, i, ray, normal, row):
     """Write the derivatives of the epipolar error ``b . (t x R a)`` by the parameters.
 
@@ -142,7 +128,7 @@ def _normal_equations(pose, e, tangents, points, shift_s, work):
         work: shape (at least 9, 6): matrix (lower triangle), negative gradient, and scratch.
     """
     _essential(pose, pose[3], e)
-    _tangents(pose[3], tangents)
+    tangents_of(pose[3], tangents)
     for j in range(N_PARAMETERS + 1):
         for k in range(N_PARAMETERS):
             work[j, k] = 0.0
