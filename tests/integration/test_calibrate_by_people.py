@@ -103,9 +103,9 @@ def test_a_still_person_is_an_error_that_says_what_to_film(scene):
 
 
 def test_options_of_the_other_kind_are_refused(scene, tmp_path):
-    with pytest.raises(OptionsError, match="board"):
+    with pytest.raises(OptionsError, match="`every` is for calibrations by a board"):
         posefuse.calibrate(scene.detections, options=posefuse.CalibrateOptions(every=2))
-    with pytest.raises(OptionsError, match="people"):
+    with pytest.raises(OptionsError, match="`stature_m` is for calibrations by people"):
         posefuse.calibrate(tmp_path, "charuco:7x5,square=30mm", people=PeopleOptions(stature_m=1.8))
     with pytest.raises(OptionsError, match="belong together"):
         PeopleOptions(length_m=0.4)

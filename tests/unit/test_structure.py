@@ -26,6 +26,7 @@ WITHOUT_SOURCE = {
 
 TESTED_ELSEWHERE = {
     "integration/test_batch_command.py": ("batch/work.py",),
+    "integration/test_calibrate_by_people.py": ("pipeline/calibrate.py",),
     "integration/test_calibrate_command.py": (
         "io/board_images.py",
         "pipeline/calibrate_board.py",

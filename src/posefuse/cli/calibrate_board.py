@@ -1,12 +1,12 @@
 """What ``posefuse calibrate`` prints of a calibration by a board."""
 
 from posefuse.calibration.boards.calibration import BoardCalibration, CameraReport
+from posefuse.cli.assessment import describe_assessment
 from posefuse.cli.console import count, note, say, table
 
 
 def describe_board(result: BoardCalibration) -> None:
     """Print the accuracy of a calibration and what to film next."""
-    from posefuse.calibration.assessment import assess
     from posefuse.calibration.boards.summary import summarize_board
 
     say(
@@ -32,10 +32,7 @@ def describe_board(result: BoardCalibration) -> None:
     )
     for line in result.notes:
         note(line)
-    assessment = assess(summarize_board(result))
-    note(assessment.sentence)
-    for each in assessment.advice:
-        note(str(each))
+    describe_assessment(summarize_board(result))
 
 
 def _row(result: BoardCalibration, v: int, report: CameraReport) -> list[str]:

@@ -1,12 +1,12 @@
 """What ``posefuse calibrate`` prints of a calibration by people."""
 
 from posefuse.calibration.people.result import PeopleCalibration, PeopleCameraReport
+from posefuse.cli.assessment import describe_assessment
 from posefuse.cli.console import count, note, say, table
 
 
 def describe_people(result: PeopleCalibration) -> None:
     """Print the accuracy of a calibration by people, what was assumed, and what to film next."""
-    from posefuse.calibration.assessment import assess
     from posefuse.calibration.people.summary import summarize_people
 
     people, frames = result.points_m.shape[1], len(result.time_s)
@@ -26,10 +26,7 @@ def describe_people(result: PeopleCalibration) -> None:
         note(f"left out: camera {name!r}: {reason}")
     for line in result.notes:
         note(line)
-    assessment = assess(summarize_people(result))
-    note(assessment.sentence)
-    for each in assessment.advice:
-        note(str(each))
+    describe_assessment(summarize_people(result))
 
 
 def _row(result: PeopleCalibration, v: int, report: PeopleCameraReport) -> list[str]:

@@ -64,6 +64,8 @@ def calibrate_by_people(
     else:
         paths = [None if path is None else Path(path) for path in (keypoints, timestamps)]
         detections = read_people(Path(recording), paths[0], paths[1], options, progress)
+    for name in options.length_between:
+        detections.skeleton.index(name)  # refuses unknown names before the work
     known = intrinsics if isinstance(intrinsics, CameraRig) or intrinsics is None else read_cameras(Path(intrinsics))
     cameras, focal_known = cameras_of(detections.view_names, known, folder, options)
     views = tracks_in_views(detections, cameras, focal_known)
