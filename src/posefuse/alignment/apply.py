@@ -78,12 +78,6 @@ def in_calibration_world(part: Reconstruction) -> Reconstruction:
     return replace(align(part, part.alignment.inverse), alignment=None)
 
 
-def in_world_of(result: Reconstruction, other: Reconstruction) -> Reconstruction:
-    """Return another result of the same calibration in the world of the first."""
-    other = in_calibration_world(other)
-    return other if result.alignment is None else align(other, result.alignment)
-
-
 def aligned_rig(rig: CameraRig, alignment: Alignment) -> CameraRig:
     """Return the cameras in the aligned world, where they see the same pixels."""
     cameras = tuple(_camera(camera, alignment) for camera in rig.cameras)

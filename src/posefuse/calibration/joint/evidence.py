@@ -139,10 +139,6 @@ class Comparison:
             columns = self._root * np.tile(sd, self._n)
             self._usual.append(columns @ columns.T)
 
-    def log_evidence(self, explanations: tuple[Explanation, ...]) -> float:
-        """Return the logarithm of the density of the data under some explanations, averaged over all levels."""
-        return float(self.log_evidence_of_each(explanations, (None,))[0])
-
     def log_evidence_of_each(
         self, explanations: tuple[Explanation, ...], others: Sequence[Explanation | None]
     ) -> np.ndarray:

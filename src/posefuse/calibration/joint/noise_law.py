@@ -11,8 +11,6 @@ import numpy as np
 
 STUDENT_T_DOF = 2.7
 """Degrees of freedom of the Student-t distribution of detection errors."""
-MEDIAN_SQUARED = STUDENT_T_DOF * (2.0 ** (2.0 / STUDENT_T_DOF) - 1.0)
-"""Median squared length of a bivariate Student-t vector of unit scale."""
 FAST_S, SLOW_S = 0.13, 8.0
 _USUAL_SLOW, _USUAL_STREAMS = 0.4, 100.0
 _MIN_SLOW, _MAX_SLOW = 0.0, 0.95
