@@ -34,7 +34,7 @@ def assess(summary: CalibrationSummary) -> Assessment:
     levels = {each.level for each in found}
     accuracy = _accuracy(summary)
     if "bad" in levels:
-        return Assessment("bad", f"Do not use this calibration. {found[0].sentence}", tuple(found))
+        return Assessment("bad", "Do not use this calibration.", tuple(found))
     if "check" in levels:
         n = sum(each.level == "check" for each in found)
         return Assessment(

@@ -3,6 +3,7 @@
 import numpy as np
 
 from posefuse.calibration.point_observations import PointObservations
+from posefuse.calibration.stated_covariance import largest_sd
 from posefuse.calibration.uncertainty import Uncertainty
 from posefuse.errors import CalibrationError, choices
 from posefuse.model.cameras import CameraRig
@@ -176,6 +177,5 @@ def pose_sds(block: np.ndarray) -> tuple[float, float, float]:
 
     Rotation and center are given in their least certain direction.
     """
-    rotation = np.sqrt(max(float(np.linalg.eigvalsh(block[0:3, 0:3])[-1]), 0.0))
-    shift = np.sqrt(max(float(np.linalg.eigvalsh(block[3:6, 3:6])[-1]), 0.0))
-    return float(np.degrees(rotation)), float(shift), float(np.sqrt(max(block[6, 6], 0.0)))
+    rotation, shift_m = largest_sd(block[0:3, 0:3]), largest_sd(block[3:6, 3:6])
+    return float(np.degrees(rotation)), shift_m, float(np.sqrt(max(block[6, 6], 0.0)))

@@ -49,7 +49,7 @@ class FreeParameters:
 def apply_changes(rig: CameraRig, change: np.ndarray) -> CameraRig:
     """Return the rig after a parameter change, shape (view, 9)."""
     cameras = tuple(_apply(camera, row) for camera, row in zip(rig.cameras, change, strict=True))
-    return replace(rig, cameras=cameras, covariances=())
+    return replace(rig, cameras=cameras, covariances=(), correlation=None)
 
 
 def _apply(camera: Camera, row: np.ndarray) -> Camera:

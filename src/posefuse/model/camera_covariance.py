@@ -1,4 +1,4 @@
-"""Covariance of the parameters of a calibrated camera."""
+"""Covariance of the parameters of one calibrated camera, and of all cameras together."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,6 +8,7 @@ import numpy as np
 from posefuse.arguments import checked
 from posefuse.arrays import PickledByFields, frozen
 from posefuse.errors import CameraError, choices, suggestion
+from posefuse.model.lenses import N_COEFFICIENTS, LensModel
 
 ROTATION = ("rotation_x_rad", "rotation_y_rad", "rotation_z_rad")
 """Rotations of the camera about its own axes."""
@@ -17,7 +18,15 @@ CENTER = ("center_x_m", "center_y_m", "center_z_m")
 
 MATRIX = ("fx_px", "fy_px", "cx_px", "cy_px")
 
+_COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+_FISHEYE_COEFFICIENTS = ("k1", "k2", "k3", "k4")
 _SYMMETRY = 1e-6
+
+
+def parameter_names(lens: LensModel) -> tuple[str, ...]:
+    """Return the names of all parameters of a camera in order: rotation, center, fx, fy, cx, cy, and distortion."""
+    distortion = _FISHEYE_COEFFICIENTS if lens is LensModel.FISHEYE else _COEFFICIENTS[: N_COEFFICIENTS[lens]]
+    return (*ROTATION, *CENTER, *MATRIX, *distortion)
 
 
 @checked
@@ -87,3 +96,91 @@ class CameraCovariance(PickledByFields):
         """
         i = self.index(parameter)
         return float(np.sqrt(self.matrix[i, i]))
+
+
+@checked
+@dataclass(frozen=True, eq=False)
+class RigCovariance(PickledByFields):
+    """Covariance of the parameters of all cameras of a calibration, whose errors are correlated.
+
+    Attributes:
+        parameters: name of the camera and of the parameter of each row, as in :class:`CameraCovariance`.
+        matrix: shape (parameter, parameter).
+    """
+
+    parameters: tuple[tuple[str, str], ...]
+    matrix: np.ndarray
+
+    def block(self, parameters: Sequence[tuple[str, str]]) -> np.ndarray:
+        """Return the covariance of some parameters, shape (n, n), 0 for parameters that were not estimated.
+
+        Args:
+            parameters: names of the camera and of the parameter.
+        """
+        out = np.zeros((len(parameters), len(parameters)))
+        rows = {each: row for row, each in enumerate(self.parameters)}
+        known = [i for i, each in enumerate(parameters) if each in rows]
+        at = [rows[parameters[i]] for i in known]
+        out[np.ix_(known, known)] = self.matrix[np.ix_(at, at)]
+        return out
+
+
+def joined(covariances: Sequence[CameraCovariance], correlation: np.ndarray) -> RigCovariance:
+    """Return the covariance of all cameras from those of each and the correlation of all their parameters.
+
+    Args:
+        covariances: of the cameras.
+        correlation: shape (parameter, parameter): of all parameters in this order. Its blocks of single cameras are
+            not used: their covariances are exact.
+    """
+    sd = np.concatenate([np.sqrt(np.diag(each.matrix)) for each in covariances])
+    matrix = correlation * np.outer(sd, sd)
+    start = 0
+    for each in covariances:
+        stop = start + len(each.parameters)
+        matrix[start:stop, start:stop] = each.matrix
+        start = stop
+    return RigCovariance(tuple((each.camera, name) for each in covariances for name in each.parameters), matrix)
+
+
+def separated(
+    parameters: Sequence[tuple[str, str]], matrix: np.ndarray, reference: str
+) -> tuple[tuple[CameraCovariance, ...], np.ndarray]:
+    """Return the covariance of each camera, and the correlation of all parameters: the inverse of :func:`joined`.
+
+    Args:
+        parameters: name of the camera and of the parameter of each row; those of one camera follow each other.
+        matrix: shape (parameter, parameter).
+        reference: what the poses are relative to.
+    """
+    symmetric = 0.5 * (matrix + matrix.T)
+    rows: dict[str, list[int]] = {}
+    for row, (camera, _) in enumerate(parameters):
+        rows.setdefault(camera, []).append(row)
+    covariances = tuple(
+        CameraCovariance(camera, tuple(parameters[i][1] for i in own), symmetric[np.ix_(own, own)], reference)
+        for camera, own in rows.items()
+    )
+    return covariances, correlation_of(symmetric)
+
+
+def checked_correlation(covariances: Sequence[CameraCovariance], correlation: np.ndarray) -> np.ndarray:
+    """Return the correlation of all parameters of some covariances, read-only.
+
+    Raises:
+        CameraError: if it has another size, or contains numbers that are not finite.
+    """
+    out, n = frozen(correlation), sum(len(each.parameters) for each in covariances)
+    if out.shape != (n, n) or not np.isfinite(out).all():
+        raise CameraError(
+            f"The covariances of the cameras have {n} parameters, so their correlation must be {n} x {n} finite "
+            f"numbers; got shape {out.shape}."
+        )
+    return out
+
+
+def correlation_of(covariance: np.ndarray) -> np.ndarray:
+    """Return the correlations that belong to a covariance, shape (n, n), 0 where a variance is 0."""
+    sd = np.sqrt(np.diag(covariance))
+    inverse = np.divide(1.0, sd, out=np.zeros_like(sd), where=sd > 0.0)
+    return np.clip(covariance * np.outer(inverse, inverse), -1.0, 1.0)

@@ -7,7 +7,7 @@ Cameras follow OpenCV: x right, y down, z forward; pixel (0, 0) is the center of
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self, overload
 
 import numpy as np
 
@@ -15,14 +15,13 @@ from posefuse.arguments import Shape, checked
 from posefuse.arrays import PickledByFields, frozen, same
 from posefuse.errors import CameraError, MatchError, choices, suggestion
 from posefuse.kernels.records import CameraArrays
-from posefuse.model.camera_covariance import CameraCovariance
-from posefuse.model.lenses import LensModel, lens_from_opencv
+from posefuse.model.camera_covariance import CameraCovariance, RigCovariance, checked_correlation, joined
+from posefuse.model.lenses import N_COEFFICIENTS, LensModel, lens_from_opencv
 from posefuse.model.up_axis import UP_AXES, InferredUp, UpAxis, up_vector
 
 _ROTATION_TOLERANCE = 1e-5
 
 
-_COEFFICIENTS = {LensModel.PINHOLE: 0, LensModel.BROWN: 5, LensModel.RATIONAL: 8, LensModel.FISHEYE: 4}
 _LENS_CODES = {LensModel.PINHOLE: 0, LensModel.BROWN: 1, LensModel.RATIONAL: 2, LensModel.FISHEYE: 3}
 
 
@@ -58,7 +57,7 @@ class Camera(PickledByFields):
         object.__setattr__(self, "size_px", _whole_size(self.name, self.size_px))
         _check_matrix(self.name, self.matrix)
         _check_pose(self.name, self.camera_from_world)
-        wanted = _COEFFICIENTS[self.lens]
+        wanted = N_COEFFICIENTS[self.lens]
         if len(self.distortion) != wanted:
             raise CameraError(
                 f"Camera {self.name!r}: a {self.lens} lens has {wanted} distortion coefficients, "
@@ -199,9 +198,11 @@ class CameraRig(PickledByFields):
         left_out: names of cameras with an invalid calibration; their views are not used.
         calibrated: False for a single camera without calibration, whose matrix and pose are placeholders.
         covariances: of the cameras whose calibration states it, by the name of the camera; not part of comparisons.
+        correlation: shape (parameter, parameter): correlation of all parameters in ``covariances``, in their order, or
+            None if only the covariance of each camera is known; not part of comparisons.
 
     Raises:
-        CameraError: if the rig is empty, a name is repeated, or the axis is unknown.
+        CameraError: if the rig is empty, a name is repeated, the axis is unknown, or the correlation has another size.
     """
 
     cameras: tuple[Camera, ...]
@@ -213,6 +214,7 @@ class CameraRig(PickledByFields):
     calibrated: bool = True
     inferred_up: InferredUp | None = None
     covariances: tuple[CameraCovariance, ...] = field(default=(), compare=False)
+    correlation: np.ndarray | None = field(default=None, compare=False)
     min_cameras: ClassVar[int] = 1
 
     def __post_init__(self) -> None:
@@ -231,6 +233,8 @@ class CameraRig(PickledByFields):
             raise CameraError(f"up_axis {self.up_axis!r} is not an axis. Choose one of: {choices(UP_AXES)}.")
         if self.inferred_up is not None and self.up_axis != self.inferred_up.axis:
             raise CameraError(f"up_axis {self.up_axis!r} is not the axis of inferred_up, {self.inferred_up.axis!r}.")
+        if self.correlation is not None:
+            object.__setattr__(self, "correlation", checked_correlation(self.covariances, self.correlation))
 
     def with_up(self, up_axis: UpAxis | None, inferred_up: InferredUp | None = None) -> "CameraRig":
         """Return the rig with another up axis, or with one that was inferred."""
@@ -267,8 +271,16 @@ class CameraRig(PickledByFields):
             raise MatchError(f"No camera {name!r} in the calibration. {suggestion(name, self.names)}")
         return self.names.index(name)
 
-    def covariance(self, name: str) -> CameraCovariance | None:
-        """Return the covariance of a camera's parameters, or None if it is unknown."""
+    @overload
+    def covariance(self) -> RigCovariance | None: ...
+
+    @overload
+    def covariance(self, name: str) -> CameraCovariance | None: ...
+
+    def covariance(self, name: str | None = None) -> CameraCovariance | RigCovariance | None:
+        """Return the covariance of the parameters of a camera, or of all cameras together; None if it is unknown."""
+        if name is None:
+            return None if self.correlation is None else joined(self.covariances, self.correlation)
         return next((each for each in self.covariances if each.camera == name), None)
 
     def select(self, names: Iterable[str]) -> "CameraRig":

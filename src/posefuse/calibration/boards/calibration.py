@@ -6,12 +6,13 @@ from typing import Literal
 import numpy as np
 
 from posefuse.calibration.boards.accuracy import Distances, board_distances
-from posefuse.calibration.boards.covariance import joint_covariance, stated_covariances
+from posefuse.calibration.boards.covariance import joint_covariance
 from posefuse.calibration.boards.extrinsics import BoardSolution, solve_extrinsics, timed_poses
 from posefuse.calibration.boards.held_out import HeldOutErrors, held_out_errors
 from posefuse.calibration.boards.intrinsics import LENSES, Intrinsics, coverage, estimate_intrinsics
 from posefuse.calibration.boards.observations import corner_observations
 from posefuse.calibration.boards.start_times import start_offsets_s
+from posefuse.calibration.stated_covariance import largest_sd, with_covariances
 from posefuse.errors import CalibrationError
 from posefuse.model.board import Board
 from posefuse.model.cameras import Camera, CameraRig, LensModel
@@ -217,8 +218,8 @@ def _summarize(
                 error_px=float(np.sqrt(np.mean(errors[own] ** 2))),
                 held_out_px=float(held_out.by_view_px[v]),
                 covered=each.covered,
-                rotation_sd_deg=float(np.degrees(np.sqrt(np.linalg.eigvalsh(block[:3, :3])[-1]))),
-                center_sd_m=float(np.sqrt(np.linalg.eigvalsh(block[3:6, 3:6])[-1])),
+                rotation_sd_deg=float(np.degrees(largest_sd(block[:3, :3]))),
+                center_sd_m=largest_sd(block[3:6, 3:6]),
                 focal_sd_px=float(np.sqrt(block[6, 6])),
                 offset_s=float(model.offset_s[v]),
                 offset_sd_s=float(np.sqrt(block[18, 18])) if has_rate else float("nan"),
@@ -226,7 +227,7 @@ def _summarize(
             )
         )
     return BoardCalibration(
-        rig=replace(rig, covariances=stated_covariances(solution, covariance)),
+        rig=with_covariances(rig, model.rig, covariance, solution.free),
         board=model.board,
         cameras=tuple(reports),
         joint_covariance=covariance,

@@ -10,13 +10,11 @@ from posefuse.calibration.adjust import descend, noise_factors
 from posefuse.calibration.boards.extrinsics import BoardSolution
 from posefuse.calibration.boards.intrinsics import fitted_poses
 from posefuse.calibration.boards.observations import CornerObservations
-from posefuse.calibration.boards.parameters import CENTER, LENS, OFFSET, coefficient_names, free_lens
+from posefuse.calibration.boards.parameters import LENS, free_lens
 from posefuse.calibration.boards.pose_graph import connect
 from posefuse.calibration.normal_equations import NormalEquations
 from posefuse.calibration.uncertainty import MAX_PERIODS, cluster_covariance
-from posefuse.model import camera_covariance as names
 from posefuse.model.board import Board
-from posefuse.model.camera_covariance import CameraCovariance
 from posefuse.model.cameras import Camera
 
 _RANK_TOLERANCE = 1e-12
@@ -39,39 +37,35 @@ def joint_covariance(solution: BoardSolution) -> np.ndarray:
         values, vectors = np.linalg.eigh(reduced.matrix * unit * unit[:, None])
         inverse = (vectors / np.maximum(values, _RANK_TOLERANCE * values[-1])) @ vectors.T
         spread = inverse * unit * unit[:, None]
-        n = observations.n_points
-        period = np.arange(n) * min(MAX_PERIODS, n) // n
-        scores = normal.scores(columns, reduced)
-        middle = cluster_covariance(scores, period)
-        # A prior contributes its curvature, as do the observations where there are too few periods to compare.
-        middle = scores.T @ scores if middle is None else middle
+        prior = np.zeros((n_views, free.shape[1], n_views, free.shape[1]))
         if rows.prior is not None:
-            prior = np.zeros((n_views, free.shape[1], n_views, free.shape[1]))
             prior[np.arange(n_views), :, np.arange(n_views)] = rows.prior.matrices
-            middle = middle + prior.reshape(free.size, free.size)[np.ix_(columns, columns)]
-        out[np.ix_(columns, columns)] = spread @ middle @ spread
+        # A prior contributes its curvature.
+        known = prior.reshape(free.size, free.size)[np.ix_(columns, columns)]
+        middle = _score_covariance(normal.scores(columns, reduced), reduced.matrix - known, spread)
+        out[np.ix_(columns, columns)] = spread @ (middle + known) @ spread
     return out.reshape(n_views, free.shape[1], n_views, free.shape[1])
 
 
-def stated_covariances(solution: BoardSolution, covariance: np.ndarray) -> tuple[CameraCovariance, ...]:
-    """Return the covariances of the cameras' estimated parameters, with the shifts of the centers in camera axes.
+def _score_covariance(scores: np.ndarray, curvature: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    """Return the covariance of the sum of the scores of the poses of the board, from its variation between periods.
+
+    With fewer periods than parameters, it would be singular: combinations of parameters would seem to be exact. It is
+    therefore shrunk towards the curvature, scaled to the same mean variance (Ledoit and Wolf 2004).
 
     Args:
-        solution: the solution.
-        covariance: shape (view, 19, view, 19), of :func:`joint_covariance`.
+        scores: shape (pose, parameter).
+        curvature: shape (parameter, parameter): of the observations.
+        spread: shape (parameter, parameter): inverse of the curvature with the prior.
     """
-    cameras = solution.model.rig.cameras
-    out = []
-    for v, (camera, free) in enumerate(zip(cameras, solution.free[:, :OFFSET], strict=True)):
-        all_names = (*names.ROTATION, *names.CENTER, *names.MATRIX, *coefficient_names(camera.lens))
-        used = np.flatnonzero(free[: len(all_names)])
-        if len(used):
-            turn = np.eye(covariance.shape[1])
-            turn[CENTER, CENTER] = camera.rotation
-            matrix = (turn @ covariance[v, :, v] @ turn.T)[np.ix_(used, used)]
-            parameters = tuple(all_names[i] for i in used)
-            out.append(CameraCovariance(camera.name, parameters, 0.5 * (matrix + matrix.T), cameras[0].name))
-    return tuple(out)
+    n, size = scores.shape
+    n_periods = min(MAX_PERIODS, n)
+    clustered = cluster_covariance(scores, np.arange(n) * n_periods // n)
+    clustered = scores.T @ scores if clustered is None else clustered
+    expected = float(np.sum(spread * curvature))
+    factor = float(np.sum(spread * clustered)) / expected if expected > 0.0 else 0.0
+    share = size / (size + n_periods)
+    return (1.0 - share) * clustered + share * factor * curvature
 
 
 def lens_covariance(camera: Camera, board: Board, corners: CornerObservations) -> np.ndarray:

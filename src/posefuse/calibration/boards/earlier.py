@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from posefuse.calibration.stated_covariance import largest_sd
 from posefuse.model import camera_covariance as names
 from posefuse.model.camera_covariance import CameraCovariance
 from posefuse.model.cameras import Camera, CameraRig, rotation_from_vector, vector_from_rotation
@@ -111,7 +112,7 @@ def _is_kept(rig: CameraRig, earlier: CameraRig, name: str, anchor: str, reach_m
     difference = _difference(rig[name], earlier[name])
     both = [_covariance(r, n, _limits(reach_m)) for r in (rig, earlier) for n in dict.fromkeys((name, anchor))]
     covariance = np.sum(both, axis=0)
-    sd = np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1]), np.sqrt(np.linalg.eigvalsh(covariance[3:, 3:])[-1])
+    sd = largest_sd(covariance[:3, :3]), largest_sd(covariance[3:, 3:])
     # The error of the anchor's rotation moves the others.
     lever = sd[0] * float(np.linalg.norm(rig[name].center_m - rig[anchor].center_m))
     most = max(_MOVED_SD * sd[0], _MIN_TURN_RAD), max(_MOVED_SD * np.hypot(sd[1], lever), _MIN_MOVE_SHARE * reach_m)
@@ -146,7 +147,7 @@ def _with_prior(rig: CameraRig, earlier: CameraRig, kept: list[str], reach_m: fl
         matrix[np.ix_(rest, at)] = matrix[np.ix_(at, rest)].T
         cameras.append(_stepped(camera, step))
         covariances.append(CameraCovariance(camera.name, own.parameters, matrix, own.reference))
-    return replace(rig, cameras=tuple(cameras), covariances=tuple(covariances))
+    return replace(rig, cameras=tuple(cameras), covariances=tuple(covariances), correlation=None)
 
 
 def _stepped(camera: Camera, step: np.ndarray) -> Camera:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from posefuse.model.cameras import Camera, LensModel, rotation_from_vector
+from posefuse.model.lenses import N_COEFFICIENTS
 
 N_PARAMETERS = 19
 POSE = slice(0, 6)
@@ -20,10 +21,6 @@ PRINCIPAL = slice(8, 10)
 DISTORTION = slice(10, 18)
 OFFSET = 18
 
-N_COEFFICIENTS = {LensModel.PINHOLE: 0, LensModel.BROWN: 5, LensModel.RATIONAL: 8, LensModel.FISHEYE: 4}
-
-_COEFFICIENT_NAMES = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
-_FISHEYE_NAMES = ("k1", "k2", "k3", "k4")
 
 _PRINCIPAL_SD_SHARE = 0.1
 _ASPECT_SD = 0.01
@@ -62,11 +59,6 @@ class LensPrior:
         at = np.arange(DISTORTION.start, DISTORTION.start + n)
         precision[at, at] = 1.0 / sd**2
         return cls(mean, precision)
-
-
-def coefficient_names(lens: LensModel) -> tuple[str, ...]:
-    """Return the names of the distortion coefficients of a lens model, in order."""
-    return _FISHEYE_NAMES if lens is LensModel.FISHEYE else _COEFFICIENT_NAMES[: N_COEFFICIENTS[lens]]
 
 
 def lens_values(camera: Camera) -> np.ndarray:

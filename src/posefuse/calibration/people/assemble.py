@@ -1,7 +1,7 @@
 """Approximate poses of all views from relative poses of pairs.
 
 Starting from each of the best pairs, views are added one by one by their pose relative to the points of the views so
-far; a bundle adjustment with rigid bones follows each. The start whose cameras and bodies agree best is kept.
+far; a bundle adjustment with rigid bones follows each. The results of several starts are ranked by their probability.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,9 +16,17 @@ from posefuse.calibration.people.body_bundle import (
     initial_state,
     residuals_of,
 )
+from posefuse.calibration.people.likelihood import body_costs
 from posefuse.calibration.people.pairs import MIN_PARALLAX, PairGeometry
 from posefuse.calibration.people.sample_sides import exchanged_views
-from posefuse.kernels.calibration.body_bundle import FOCAL, OFFSET, VIEW_COLUMNS, body_residuals, refine_view
+from posefuse.kernels.calibration.body_bundle import (
+    FOCAL,
+    OFFSET,
+    STUDENT_T_DOF,
+    VIEW_COLUMNS,
+    body_residuals,
+    refine_view,
+)
 
 Edges = Mapping[tuple[int, int], Sequence[PairGeometry]]
 """Geometries of each pair of views, the most probable first."""
@@ -28,7 +36,8 @@ MAX_RATIO = 5.0
 MIN_SHARED = 30
 _MIN_NOISE = 0.5
 _OUTLIER = 5.0
-_SEEDS = 3
+_MIN_STARTS, _MAX_STARTS = 3, 8
+_SAME_DEG = 10.0
 _HYPOTHESES = 3
 _VIEW_STEPS = 15
 _TRANSLATION_STEPS = 4
@@ -46,6 +55,8 @@ class Assembly:
         state: poses, points and bones.
         cost: mean robust cost of an observation, in units of the nominal noise.
         support: sum over the observations of how much more probable they are than errors of five standard deviations.
+        likelihood: logarithm of how much more probable observations and bones are than errors of five nominal standard
+            deviations of all observations.
         median: shape (view,): median residual of each view in units of the nominal noise.
         exchanged: shape (sample, view), bool: where sides were exchanged.
         rejected: views that do not fit, with their median residual.
@@ -56,6 +67,7 @@ class Assembly:
     state: BodyState
     cost: float
     support: float
+    likelihood: float
     median: np.ndarray
     exchanged: np.ndarray
     rejected: Mapping[int, float]
@@ -63,7 +75,7 @@ class Assembly:
 
 def assemble(
     samples: BodySamples, bones: Bones, edges: Edges, focal_known: np.ndarray, offsets_free: bool
-) -> Assembly | None:
+) -> list[Assembly]:
     """Assemble views from the geometries of pairs.
 
     Args:
@@ -74,28 +86,42 @@ def assemble(
         offsets_free: whether time offsets are estimated.
 
     Returns:
-        The assembly with the most support; None without geometries.
+        Assemblies from different starts, the most probable first; none without geometries. There are more starts if
+        the first ones do not agree.
     """
-    best: Assembly | None = None
-    for (a, b), geometry in _seeds(edges):
-        found = _Assembler(samples, bones, edges, focal_known, offsets_free).grow(a, b, geometry)
-        if best is None or found.support > best.support:
-            best = found
-    return best
+    found: list[Assembly] = []
+    for (a, b), geometry in _starts(edges):
+        if len(found) >= _MIN_STARTS and any(_is_same(found[0], other) for other in found[1:]):
+            break
+        found.append(_Assembler(samples, bones, edges, focal_known, offsets_free).grow(a, b, geometry))
+        found.sort(key=lambda each: -each.likelihood)
+    return found
 
 
-def _seeds(edges: Edges) -> list[tuple[tuple[int, int], PairGeometry]]:
-    """Return the best geometries of the best pairs: first those of different pairs."""
+def _is_same(a: Assembly, b: Assembly) -> bool:
+    """Return whether two assemblies have the same views in nearly the same directions."""
+    return a.views == b.views and difference_deg(a, b) < _SAME_DEG
+
+
+def difference_deg(a: Assembly, b: Assembly) -> float:
+    """Return the largest difference of the relative rotation of two views, in assemblies of the same views."""
+    turns = np.swapaxes(a.state.rotations, 1, 2) @ b.state.rotations
+    # Equal relative rotations are the same rotation of the world in all views.
+    cosines = 0.5 * (np.einsum("vij,wij->vw", turns, turns) - 1.0)
+    return float(np.degrees(np.arccos(np.clip(cosines.min(), -1.0, 1.0))))
+
+
+def _starts(edges: Edges) -> list[tuple[tuple[int, int], PairGeometry]]:
+    """Return the best geometries of the best pairs, then other geometries, the best first."""
     ranked = sorted(
-        (geometries[0].cost - 1e-3 * geometries[0].n_points ** 0.5, pair)
+        (geometry.cost - 1e-3 * geometry.n_points**0.5, rank, pair)
         for pair, geometries in edges.items()
-        if geometries and geometries[0].parallax > MIN_PARALLAX
+        for rank, geometry in enumerate(geometries)
+        if geometry.parallax > MIN_PARALLAX
     )
-    first = [(pair, edges[pair][0]) for _, pair in ranked[:_SEEDS]]
-    if len(first) < _SEEDS and ranked:
-        pair = ranked[0][1]
-        first += [(pair, geometry) for geometry in edges[pair][1 : 1 + _SEEDS - len(first)]]
-    return first
+    first = [(rank, pair) for _, rank, pair in ranked if rank == 0][:_MIN_STARTS]
+    rest = [(rank, pair) for _, rank, pair in ranked if (rank, pair) not in first]
+    return [(pair, edges[pair][rank]) for rank, pair in (first + rest)[:_MAX_STARTS]]
 
 
 def free_parameters(focal_known: np.ndarray, offsets_free: bool, focal_free: bool = True) -> np.ndarray:
@@ -122,12 +148,13 @@ def readjust(assembly: Assembly, samples: BodySamples, bones: Bones, free: np.nd
     start = initial_state(labeled, bones, rotations, centers, assembly.state.log_focal)
     start = replace(start, focal_spread=_FOCAL_SPREAD)
     state = adjust_bodies(labeled, bones, start, free, _FINAL_ROUNDS)
-    return _assembly(assembly.views, labeled, state, exchanged, assembly.rejected)
+    return _assembly(assembly.views, labeled, bones, state, exchanged, assembly.rejected)
 
 
 def _assembly(
     views: Sequence[int],
     samples: BodySamples,
+    bones: Bones,
     state: BodyState,
     exchanged: np.ndarray,
     rejected: Mapping[int, float],
@@ -135,10 +162,12 @@ def _assembly(
     """Return an assembly with its residuals."""
     residuals = residuals_of(samples, state)
     median = np.array([_median(residuals[:, v]) for v in range(len(views))])
-    loss = np.log1p(np.minimum(residuals[~np.isnan(residuals)], 100.0) ** 2 / 3.0)
-    support = float((np.log1p(_OUTLIER**2 / 3.0) - loss).sum())
+    loss = np.log1p(np.minimum(residuals[~np.isnan(residuals)], 100.0) ** 2 / STUDENT_T_DOF)
+    bound = np.log1p(_OUTLIER**2 / STUDENT_T_DOF)
+    support = float((bound - loss).sum())
+    likelihood = 0.5 * (STUDENT_T_DOF + 2.0) * bound * len(loss) - float(body_costs(samples, bones, state).sum())
     cost = float(loss.mean()) if len(loss) else np.inf
-    return Assembly(tuple(views), samples, state, cost, support, median, exchanged, rejected)
+    return Assembly(tuple(views), samples, state, cost, support, likelihood, median, exchanged, rejected)
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,15 +233,10 @@ class _Assembler:
                 shared = np.isfinite(labeled[..., 0]) & np.isfinite(state.points[..., 0])
                 if shared.sum() < MIN_SHARED:
                     return None, np.inf
-                points, rays = np.ascontiguousarray(state.points[shared]), np.ascontiguousarray(labeled[shared])
-                rotation = np.ascontiguousarray(turn).copy()
-                center = _center(rotation, points, rays)
-                cost = refine_view(rotation, center, points, rays, _VIEW_STEPS)
+                pose, residuals = locate_view(turn, state.points[shared], labeled[shared])
+                cost = float(np.log1p(np.minimum(residuals, 100.0) ** 2 / STUDENT_T_DOF).mean())
                 if cost < best[0]:
-                    best = (cost, np.concatenate([rotation, center[None]]))
-                    residuals = np.empty((len(points), 1, 1))
-                    body_residuals(rotation[None], center[None], points[:, None], rays[:, None, None], residuals)
-                    median = _median(residuals)
+                    best, median = (cost, pose), _median(residuals)
         return best[1], median
 
     def _rotations(self, view: int, views: list[int], state: BodyState) -> list[np.ndarray]:
@@ -238,7 +262,27 @@ class _Assembler:
             start = initial_state(labeled, self.bones, rotations, centers, log_focal)
             state = adjust_bodies(labeled, self.bones, replace(start, focal_spread=spread), free, rounds)
             rotations, centers, log_focal = state.rotations, state.centers, state.log_focal
-        return _assembly(views, labeled, state, exchanged, rejected)
+        return _assembly(views, labeled, self.bones, state, exchanged, rejected)
+
+
+def locate_view(turn: np.ndarray, points: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the pose of a view from known points, and the residuals in units of the nominal noise.
+
+    Args:
+        turn: shape (3, 3): approximate rotation.
+        points: shape (point, 3).
+        rays: shape (point, 10): observations.
+
+    Returns:
+        Rotation and center, shape (4, 3), and residuals, shape (point,), infinite behind the camera.
+    """
+    points, rays = np.ascontiguousarray(points), np.ascontiguousarray(rays)
+    rotation = np.ascontiguousarray(turn).copy()
+    center = _center(rotation, points, rays)
+    refine_view(rotation, center, points, rays, _VIEW_STEPS)
+    residuals = np.empty((len(points), 1, 1))
+    body_residuals(rotation[None], center[None], points[:, None], rays[:, None, None], residuals)
+    return np.concatenate([rotation, center[None]]), residuals[:, 0, 0]
 
 
 def _median(values: np.ndarray) -> float:

@@ -31,6 +31,8 @@ _MAX_DAMPING = 1e6
 _FOCAL_SD, _OFFSET_SD_S = 0.4, 0.1
 _GAUGE_PRECISION = 1e-6
 _MIN_COSINE = 0.05
+_MIN_VIEWS = 3
+"""Views from which the noise of each can be estimated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,8 +141,13 @@ def residuals_of(samples: BodySamples, state: BodyState) -> np.ndarray:
 
 
 def noise_scales(samples: BodySamples, state: BodyState) -> np.ndarray:
-    """Return the noise of each view relative to the nominal one, shape (view,)."""
+    """Return the noise of each view relative to the nominal one, shape (view,).
+
+    Two views do not show which of them is noisier, so that they have the same.
+    """
     residuals = residuals_of(samples, state)
+    if samples.n_views < _MIN_VIEWS:
+        return np.full(samples.n_views, pooled_scale(residuals))
     out = np.ones(samples.n_views)
     for v in range(samples.n_views):
         of_view = residuals[:, v][~np.isnan(residuals[:, v])]
@@ -148,6 +155,13 @@ def noise_scales(samples: BodySamples, state: BodyState) -> np.ndarray:
             out[v] = float(np.median(np.minimum(of_view, 1e6))) / _MEDIAN_LENGTH
     # Half way to the median, so that a view that the points follow does not gain much more influence by it.
     return np.clip(np.sqrt(out * np.median(out)), _MIN_SCALE, _MAX_SCALE)
+
+
+def pooled_scale(residuals: np.ndarray) -> float:
+    """Return the noise of all views relative to the nominal one; residuals have any shape, NaN where missing."""
+    known = residuals[~np.isnan(residuals)]
+    scale = float(np.median(np.minimum(known, 1e6))) / _MEDIAN_LENGTH if len(known) else 1.0
+    return min(max(scale, _MIN_SCALE), _MAX_SCALE)
 
 
 def moved_rays(samples: BodySamples, state: BodyState) -> np.ndarray:
@@ -174,9 +188,10 @@ def _descend(samples: BodySamples, bones: Bones, state: BodyState, columns: np.n
     for _ in range(max_steps):
         gain = 0.0
         while damping < _MAX_DAMPING:
-            candidate = state.moved(*terms.step(columns, damping))
-            new_terms = _Terms.of(samples, bones, candidate)
-            if new_terms.cost < terms.cost:
+            step = terms.step(columns, damping)
+            candidate = None if step is None else state.moved(*step)
+            new_terms = None if candidate is None else _Terms.of(samples, bones, candidate)
+            if candidate is not None and new_terms is not None and new_terms.cost < terms.cost:
                 gain = terms.cost - new_terms.cost
                 state, terms = candidate, new_terms
                 damping = max(0.2 * damping, 1e-7)
@@ -233,8 +248,8 @@ class _Terms:
             cost += 0.5 * float(values @ precision @ values)
         return cls(float(cost), points, mixed, matrix, gradient)
 
-    def step(self, columns: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the damped step of the free parameters and of the points."""
+    def step(self, columns: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray] | None:
+        """Return the damped step of the free parameters and of the points; None if the equations are singular."""
         factors = self.points.copy()
         eliminated = np.ascontiguousarray(self.mixed[:, :, np.append(columns, self.mixed.shape[2] - 1)])
         reduced = np.zeros((len(columns) + 1, len(columns) + 1))
@@ -245,7 +260,10 @@ class _Terms:
         lower = np.tril(reduced)[:-1, :-1]
         matrix -= lower + lower.T - np.diag(np.diag(lower))
         change = np.zeros(len(self.gradient))
-        change[columns] = -np.linalg.solve(matrix, self.gradient[columns] - reduced[-1, :-1])
+        try:
+            change[columns] = -np.linalg.solve(matrix, self.gradient[columns] - reduced[-1, :-1])
+        except np.linalg.LinAlgError:
+            return None
         steps = np.empty(factors.shape[:2])
         step_of_points(factors, eliminated, change[columns], steps)
         return change, steps.reshape(len(steps), -1, 3)

@@ -113,6 +113,15 @@ def check_parallax(names: Sequence[str], edges: Edges) -> None:
         )
 
 
+def no_agreement(names: Sequence[str], max_offset_s: float) -> str:
+    """Return the message about views that have no motion in common."""
+    return (
+        f"The motion in the views of {', '.join(names)} does not agree: people move less than the errors of their "
+        "detections, or the cameras film different people or times. Film one person who walks through the images of "
+        f"all cameras, turns around and raises an arm; clocks may differ by up to {max_offset_s:g} s (`max_offset_s`)."
+    )
+
+
 def related_rest(
     views: Sequence[Bearings], table: Sequence[Sequence[int]], assembly: Assembly, seed: int
 ) -> tuple[int, ...]:
@@ -130,7 +139,8 @@ def related_rest(
 
 def groups_error(views: Sequence[Bearings], first: Sequence[int], second: Sequence[int]) -> str:
     """Return the message about two groups of cameras that have no relation."""
-    groups = " and ".join(f"({choices(views[v].name for v in group)})" for group in (first, second))
+    largest_first = sorted((first, second), key=lambda group: -len(group))
+    groups = " and ".join(f"({choices(views[v].name for v in group)})" for group in largest_first)
     return (
         f"The cameras form two groups that film nothing in common: {groups}. Film a person who walks through the "
         "images of cameras of both groups at the same time, or calibrate each group by itself."

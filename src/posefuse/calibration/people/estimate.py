@@ -10,14 +10,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from posefuse.calibration.joint.equations import Rows
+from posefuse.calibration.joint.covariance import design_effect, score_covariance
+from posefuse.calibration.joint.equations import Rows, influences, normal_equations
 from posefuse.calibration.joint.estimate import JointEstimate, estimate
+from posefuse.calibration.joint.known_poses import KnownPoses
 from posefuse.calibration.joint.parameters import JointParameters
+from posefuse.calibration.joint.prior import Prior
 from posefuse.calibration.joint.recording import JointRecording
 from posefuse.calibration.joint.reweighted import reweighted
+from posefuse.calibration.people.agreement import estimate_with_prior
 from posefuse.calibration.people.held_out import held_out_errors
 from posefuse.calibration.people.joint_recording import NOISE_PER_WIDTH, joint_recording
-from posefuse.calibration.people.shared_focal import with_shared_focal
+from posefuse.calibration.people.lens_covariance import OtherLens
+from posefuse.calibration.people.shared_focal import (
+    DIFFERENT_SD,
+    NEGLIGIBLE,
+    SAME_SD,
+    focal_prior,
+    mixed,
+    probability_of_one_kind,
+)
 from posefuse.calibration.people.views import MatchedViews, ViewTracks
 from posefuse.errors import CalibrationError
 from posefuse.kernels.calibration.joint import FOCAL, RADIAL
@@ -25,9 +37,12 @@ from posefuse.model.cameras import Camera
 from posefuse.model.lenses import LensModel
 from posefuse.skeleton.skeletons import Skeleton
 
-_PRIOR_SD = np.array([3.0] * 3 + [20.0] * 3 + [1.0, 5e-4, 0.4, 0.15])
+_PRIOR_SD = np.array([3.0] * 3 + [20.0] * 3 + [1.0, 5e-4, 0.4, 0.25])
 """Standard deviations of changes of the approximate calibration: rad, m, s, s/s, logarithm of a length, coefficient."""
 _KNOWN_LENS_SD = 1e-3, 1e-4
+_CLOCKS = slice(6, 8)
+_MAX_FOCAL_SD, _MAX_TURN_SD = 0.15, 0.1
+"""Largest standard deviations of a usable calibration, of the median camera: logarithm of a length, rad."""
 _START_SAMPLES = 100
 _NEAR = 0.09
 """Distance within which errors are similar, relative to the longest distance between two keypoints of a person."""
@@ -57,6 +72,7 @@ class PeopleEstimate:
             frames that the cameras were not estimated from; NaN where no two other views observe a person.
         columns: shape (person, keypoint), int: column of each keypoint in the joint estimate, -1 without.
         joint: the estimate behind it.
+        other: other parameters of the lenses, whose errors ``covariance`` accounts for; None if they are exact.
     """
 
     cameras: tuple[Camera, ...]
@@ -72,39 +88,101 @@ class PeopleEstimate:
     held_out_px: np.ndarray
     columns: np.ndarray
     joint: JointEstimate
+    other: OtherLens | None = None
 
 
-def estimate_people(matched: MatchedViews) -> PeopleEstimate:
+def estimate_people(
+    matched: MatchedViews, known: KnownPoses | None = None, *, held_out: bool = True, refuse: bool = True
+) -> PeopleEstimate:
     """Estimate poses, focal lengths, clocks and noise of all views.
 
     Args:
         matched: observations with an approximate calibration.
+        known: what is known of the poses of its cameras, which are then at the known poses.
+        held_out: whether held-out errors are measured, which costs as much as the estimate.
+        refuse: whether cameras that people alone do not determine are an error.
 
     Raises:
-        CalibrationError: if no two views observe the same person at the same time.
+        CalibrationError: if no two views observe the same person at the same time, or the people do not determine the
+            cameras.
     """
     recording, place = joint_recording(matched)
-    prior_sd = _prior_sd(matched)
-    rough = estimate(recording, None, _START_SAMPLES, prior_sd)
+    prior, log_focal = _prior(matched), _unknown_log_focal(matched)
+    if known is None:
+        prior = focal_prior(prior, log_focal, DIFFERENT_SD)
+    rough = estimate(recording, None, _START_SAMPLES, prior, known=known)
     if rough is None:
         raise CalibrationError(
             "No two views observe the same person at the same time. Film people where the images of the cameras "
             "overlap, and check the time offsets."
         )
     recording = replace(recording, sigma=recording.sigma * _crowding(rough.rows, place))
-    joint = estimate(recording, rough.parameters, prior_sd=prior_sd) or rough
-    joint = reweighted(joint, recording, prior_sd)
-    joint = with_shared_focal(joint, recording, prior_sd, _unknown_log_focal(matched))
-    return _result(matched, recording, joint, place, held_out_errors(recording, joint, prior_sd))
+    if known is not None:
+        joint, known = estimate_with_prior(recording, rough, prior, known)
+    else:
+        prior = prior.weighted(_weight(rough))
+        joint = _by_people(recording, rough, prior, log_focal)
+        if refuse:
+            _check_determined(joint, log_focal)
+    unknown = np.full(len(matched.views), np.nan)
+    errors = held_out_errors(recording, joint, prior, known) if held_out else unknown
+    result = _result(matched, recording, joint, place, errors)
+    return result if known is None else _with_other_lens(result, known)
 
 
-def _prior_sd(matched: MatchedViews) -> np.ndarray:
-    """Return the standard deviations of the prior, with columns for the lens if any is unknown."""
+def _by_people(recording: JointRecording, rough: JointEstimate, prior: Prior, log_focal: np.ndarray) -> JointEstimate:
+    """Return the estimate from the people alone, a mixture if unknown focal lengths may be equal."""
+    joint = _weighted_estimate(recording, rough, prior)
+    probability = probability_of_one_kind(joint, log_focal)
+    if probability <= NEGLIGIBLE:
+        return joint
+    same = _weighted_estimate(recording, joint, focal_prior(prior, log_focal, SAME_SD))
+    return mixed(joint, same, probability, recording)
+
+
+def _check_determined(joint: JointEstimate, log_focal: np.ndarray) -> None:
+    """Raise a CalibrationError if the people determine neither focal lengths nor poses."""
+    unknown = np.isfinite(log_focal)
+    focal_sd = float(np.median(joint.sd[unknown, FOCAL])) if unknown.any() else 0.0
+    if focal_sd > _MAX_FOCAL_SD:
+        raise CalibrationError(
+            "The people do not determine the focal lengths of the cameras: their standard deviation is "
+            f"{focal_sd:.0%}. Give the lenses (`intrinsics`), or film a person who walks through the whole volume."
+        )
+    turn_sd = float(np.median(joint.sd[:, :3].max(axis=1)))
+    if turn_sd > _MAX_TURN_SD:
+        raise CalibrationError(
+            "The people do not determine the directions of the cameras: their standard deviation is "
+            f"{np.degrees(turn_sd):.0f} degrees. Film a person who walks through the whole volume."
+        )
+
+
+def _weighted_estimate(recording: JointRecording, start: JointEstimate, prior: Prior) -> JointEstimate:
+    """Return the estimate with observations weighted by their correlation over time."""
+    return reweighted(estimate(recording, start.parameters, prior=prior) or start, recording, prior)
+
+
+def _weight(rough: JointEstimate) -> np.ndarray:
+    """Return the weight of the prior, shape (parameter,): clocks follow from changes, whose errors are independent."""
+    size = rough.parameters.size
+    own = np.arange(len(rough.names) * size) % size
+    kept = np.flatnonzero((own < _CLOCKS.start) | (own >= _CLOCKS.stop))
+    weight = np.ones(len(own))
+    rows, basis = rough.rows, np.linalg.svd(rough.basis[kept], full_matrices=False)
+    curvature = rows.relative_curvature * normal_equations(rows)[0]
+    spread = score_covariance(influences(rows), rows, rough.law)
+    at = np.ix_(kept, kept)
+    weight[kept] = design_effect(basis[0][:, basis[1] > 0.5], curvature[at], spread[at])
+    return weight
+
+
+def _prior(matched: MatchedViews) -> Prior:
+    """Return the prior of independent views, with parameters of the lens if any is unknown."""
     out = np.tile(_PRIOR_SD, (len(matched.views), 1))
     known = np.array([view.focal_known for view in matched.views])
     out[known, FOCAL:] = _KNOWN_LENS_SD
     out[[not _is_lens_unknown(view) for view in matched.views], RADIAL] = _KNOWN_LENS_SD[1]
-    return out[:, :FOCAL] if known.all() else out
+    return Prior.of_sds(out[:, :FOCAL] if known.all() else out)
 
 
 def _unknown_log_focal(matched: MatchedViews) -> np.ndarray:
@@ -164,6 +242,16 @@ def _result(
         columns=place,
         joint=joint,
     )
+
+
+def _with_other_lens(result: PeopleEstimate, known: KnownPoses) -> PeopleEstimate:
+    """Return the result with the errors of parameters of the lenses that it holds fixed."""
+    n, size = len(result.cameras), result.joint.parameters.size
+    follow = np.zeros_like(known.other)
+    changes = known.other[:, :size].reshape(n * size, -1)
+    follow[:, :size] = (result.joint.projection @ changes).reshape(n, size, -1)
+    other = OtherLens(follow, known.other_covariance, known.other_parameters)
+    return replace(result, covariance=result.covariance + other.spread(), other=other)
 
 
 def _is_lens_unknown(view: ViewTracks) -> bool:

@@ -3,8 +3,10 @@
 import numpy as np
 
 from posefuse.calibration.joint.estimate import JointEstimate, estimate
+from posefuse.calibration.joint.known_poses import KnownPoses
 from posefuse.calibration.joint.noise_law import STUDENT_T_DOF
 from posefuse.calibration.joint.parameters import JointParameters
+from posefuse.calibration.joint.prior import Prior
 from posefuse.calibration.joint.recording import JointRecording
 from posefuse.kernels.calibration.joint import linear_points, refine_points
 
@@ -12,7 +14,9 @@ _MAX_FRAMES, _MIN_FRAMES = 80, 10
 _POINT_STEPS = 5
 
 
-def held_out_errors(recording: JointRecording, joint: JointEstimate, prior_sd: np.ndarray) -> np.ndarray:
+def held_out_errors(
+    recording: JointRecording, joint: JointEstimate, prior: Prior, known: KnownPoses | None = None
+) -> np.ndarray:
     """Return the median reprojection error of each view in the normalized image plane, shape (view,).
 
     The cameras are estimated from one half of the recording, and points of the other half from all views but one.
@@ -20,7 +24,8 @@ def held_out_errors(recording: JointRecording, joint: JointEstimate, prior_sd: n
     Args:
         recording: the keypoints.
         joint: estimate from the whole recording.
-        prior_sd: shape (view, parameter): standard deviations of the prior.
+        prior: its prior.
+        known: what is known of the poses in addition.
     """
     frames = joint.rows.frames
     frames = frames[:: max(1, -(-len(frames) // (2 * _MAX_FRAMES)))]
@@ -30,7 +35,7 @@ def held_out_errors(recording: JointRecording, joint: JointEstimate, prior_sd: n
         other = halves[1 - k]
         # Too few frames determine no cameras: those of the whole recording then serve.
         found = (
-            estimate(recording, joint.parameters, prior_sd=prior_sd, frames=other)
+            estimate(recording, joint.parameters, prior=prior, frames=other, known=known)
             if len(other) >= _MIN_FRAMES
             else None
         )

@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 
 from posefuse.calibration.people.bearings import bearings_of
-from posefuse.calibration.people.pairs import MAX_OFFSET_S, PairGeometry
+from posefuse.calibration.people.pairs import PairGeometry
 from posefuse.calibration.people.pictures import with_common_people_in_pictures
 from posefuse.calibration.people.shared_people import CLEARLY_EXPLAINED, SharedPeople, shared_people
 from posefuse.calibration.people.views import PeopleViews, ViewTracks
@@ -62,7 +62,7 @@ def common_people(people: PeopleViews, seed: int = 0) -> PeopleViews:
         raise CalibrationError(
             f"No person is recognized in two of the cameras {names}: no pose explains the motion of several people. "
             "Film one person or few people who walk where all cameras see them, and check the intrinsics; clocks may "
-            "differ by up to 2 s."
+            f"differ by up to {people.max_offset_s:g} s (`max_offset_s`)."
         )
     return common
 
@@ -88,25 +88,24 @@ def strangers(people: PeopleViews, common: PeopleViews, names: Iterable[str]) ->
     }
 
 
-def with_common_people(people: PeopleViews, *, max_offset_s: float = MAX_OFFSET_S, seed: int = 0) -> PeopleViews:
+def with_common_people(people: PeopleViews, *, seed: int = 0) -> PeopleViews:
     """Return the views with person axes that agree; tracks that match no track of another view are left out.
 
     Args:
         people: tracks of each view, without a relation between the views.
-        max_offset_s: bound of the time offsets between views; 0 if they are synchronized.
         seed: random seed.
     """
-    found = identify_people(people, max_offset_s=max_offset_s, seed=seed)
+    found = identify_people(people, seed=seed)
     views = [_renumbered(view, v, found.people) for v, view in enumerate(people.views)]
     return replace(people, views=tuple(views))
 
 
-def identify_people(people: PeopleViews, *, max_offset_s: float = MAX_OFFSET_S, seed: int = 0) -> Identities:
+def identify_people(people: PeopleViews, *, seed: int = 0) -> Identities:
     """Return which tracks of the views show the same person; arguments as of :func:`with_common_people`."""
     bearings = [bearings_of(view, people.skeleton) for view in people.views]
     relations: dict[tuple[int, int], SharedPeople] = {}
     for a, b in combinations(range(len(bearings)), 2):
-        found = shared_people(bearings[a], bearings[b], max_offset_s=max_offset_s, seed=seed)
+        found = shared_people(bearings[a], bearings[b], max_offset_s=people.max_offset_s, seed=seed)
         if found is not None:
             relations[a, b] = found
     trusted = _trusted(relations)

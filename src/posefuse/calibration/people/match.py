@@ -5,48 +5,38 @@ with a bundle adjustment over bodies with rigid bones. Left and right sides are 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
-from posefuse.calibration.people.assemble import Assembly, assemble, free_parameters, readjust
+from posefuse.calibration.people.ambiguity import most_probable
+from posefuse.calibration.people.assemble import Assembly, assemble
 from posefuse.calibration.people.bearings import Bearings, bearings_of
 from posefuse.calibration.people.bodies import Bones, bones_of, sample_bodies
-from posefuse.calibration.people.conditions import check_filmed_enough, check_parallax, groups_error, related_rest
+from posefuse.calibration.people.conditions import (
+    check_filmed_enough,
+    check_parallax,
+    groups_error,
+    no_agreement,
+    related_rest,
+)
 from posefuse.calibration.people.identities import common_people, people_table, strangers
 from posefuse.calibration.people.pairs import relate_pair
 from posefuse.calibration.people.rates import at_rate, rig_rates
+from posefuse.calibration.people.rigs import N_SAMPLES, People, Rig, later, with_exact_times
 from posefuse.calibration.people.scale import meters_per_unit
+from posefuse.calibration.people.shared_motion import CLEAR_GAIN, MIN_GAIN, weakest_view
 from posefuse.calibration.people.sides import exchange_sides, exchanged_sides
 from posefuse.calibration.people.time_search import GRID_S, rig_offsets
 from posefuse.calibration.people.views import MatchedViews, PeopleViews, ViewTracks
 from posefuse.errors import CalibrationError
 from posefuse.model.cameras import Camera
 
-N_SAMPLES = 60
 _GAIN = 1.15
 """Factor by which time offsets must explain the motion better than synchronized views."""
 _POOR_COST, _RATE_GAIN = 1.6, 1.1
-_TIME_ITERATIONS, _EXACT_S = 3, 0.01
-
-People = Sequence[Sequence[int]]
-
-
-@dataclass(frozen=True, eq=False)
-class Rig:
-    """Hold an assembly of views and their time offsets.
-
-    Attributes:
-        assembly: poses.
-        offset_s: shape (view,), of all views: true time minus timestamp, after a correction of the rates from the first
-            timestamp of each view on.
-        rate: shape (view,), of all views: true seconds per second of the timestamps.
-    """
-
-    assembly: Assembly
-    offset_s: np.ndarray
-    rate: np.ndarray
+_FEW = 3
 
 
 def match_views(people: PeopleViews, seed: int = 0) -> MatchedViews:
@@ -85,60 +75,127 @@ def match_people(people: PeopleViews, table: People, seed: int = 0) -> MatchedVi
     table = [[person[v] for v in used] for person in table]
     focal_known = np.array([people.views[v].focal_known for v in used])
     bones = bones_of(people.skeleton, views[0].keypoints)
-    rig = best_rig(views, table, bones, focal_known, seed)
-    if rig is None:
-        raise CalibrationError(
-            f"The motion in the views of {', '.join(view.name for view in views)} does not agree. Check that the "
-            "cameras film the same person at the same time (clocks may differ by up to 2 s), and that their "
-            "intrinsics are correct."
-        )
-    rest = related_rest(views, table, rig.assembly, seed)
-    if rest:
-        raise CalibrationError(groups_error(views, rig.assembly.views, rest))
-    for v, median in rig.assembly.rejected.items():
-        left_out[views[v].name] = _rejection(median)
-    kept = [used[v] for v in rig.assembly.views]
-    table = [[person[v] for v in rig.assembly.views] for person in table]
-    timed = [at_rate(views[v], rig.rate[v]) for v in rig.assembly.views]
-    return _matched(people, kept, timed, table, rig, left_out)
+    agreeing, rig = _agreeing_views(views, table, bones, focal_known, seed, people.max_offset_s)
+    left_out |= {views[v].name: _rejection(0.0) for v in range(len(views)) if v not in agreeing}
+    left_out |= {views[agreeing[v]].name: _rejection(median) for v, median in rig.assembly.rejected.items()}
+    timed = [at_rate(views[v], rate) for v, rate in zip(agreeing, rig.rate, strict=True)]
+    rig = _settled(timed, _of_views(table, agreeing), bones, focal_known[agreeing], rig)
+    chosen = [agreeing[v] for v in rig.assembly.views]
+    timed = [timed[v] for v in rig.assembly.views]
+    return _matched(people, [used[v] for v in chosen], timed, _of_views(table, chosen), rig, left_out)
 
 
-def best_rig(views: Sequence[Bearings], table: People, bones: Bones, focal_known: np.ndarray, seed: int) -> Rig | None:
+def _of_views(table: People, views: Sequence[int]) -> list[list[int]]:
+    """Return the index of each person in some views."""
+    return [[person[v] for v in views] for person in table]
+
+
+def _agreeing_views(
+    views: Sequence[Bearings], table: People, bones: Bones, focal_known: np.ndarray, seed: int, max_offset_s: float
+) -> tuple[list[int], Rig]:
+    """Return the views that agree, and their rig, in which some may be rejected.
+
+    Raises:
+        CalibrationError: if no views agree, or they form unrelated groups.
+    """
+    used = list(range(len(views)))
+    while True:
+        chosen, people = [views[v] for v in used], _of_views(table, used)
+        rig = best_rig(chosen, people, bones, focal_known[used], seed, max_offset_s)
+        if rig is None:
+            raise CalibrationError(no_agreement([view.name for view in chosen], max_offset_s))
+        rest = related_rest(chosen, people, rig.assembly, seed)
+        if rest:
+            raise CalibrationError(groups_error(chosen, rig.assembly.views, rest))
+        weakest, gain = weakest_view(chosen, people, bones, focal_known[used], rig, seed)
+        if gain > (CLEAR_GAIN if len(rig.assembly.views) < min(len(used), _FEW) else MIN_GAIN):
+            return used, rig
+        if len(used) == _FEW:
+            return _best_pair(views, table, bones, focal_known, used, seed, max_offset_s)
+        if len(used) < _FEW:
+            raise CalibrationError(no_agreement([view.name for view in chosen], max_offset_s))
+        used.remove(used[weakest])
+
+
+def _best_pair(
+    views: Sequence[Bearings],
+    table: People,
+    bones: Bones,
+    focal_known: np.ndarray,
+    used: Sequence[int],
+    seed: int,
+    max_offset_s: float,
+) -> tuple[list[int], Rig]:
+    """Return the two of some views that agree best, and their rig.
+
+    Of three views, a wrong one spoils the agreement of the others.
+
+    Raises:
+        CalibrationError: if no two of them agree.
+    """
+    found: list[tuple[float, list[int], Rig]] = []
+    for pair in combinations(used, 2):
+        chosen, people = [views[v] for v in pair], _of_views(table, pair)
+        shared = _of_both(table, pair)
+        rig = best_rig(chosen, people, bones, focal_known[list(pair)], seed, max_offset_s) if shared else None
+        if rig is not None:
+            gain = weakest_view(chosen, people, bones, focal_known[list(pair)], rig, seed)[1]
+            found.append((gain, list(pair), rig))
+    gain, best, rig = max(found, key=lambda each: each[0], default=(0.0, [], None))
+    if rig is None or gain <= (CLEAR_GAIN if len(found) > 1 else MIN_GAIN):
+        raise CalibrationError(no_agreement([views[v].name for v in used], max_offset_s))
+    return best, rig
+
+
+def _of_both(table: People, pair: Sequence[int]) -> tuple[tuple[int, int], ...]:
+    """Return the people whom two views share, by their index in both."""
+    a, b = pair
+    return tuple((person[a], person[b]) for person in table if person[a] >= 0 and person[b] >= 0)
+
+
+def best_rig(
+    views: Sequence[Bearings], table: People, bones: Bones, focal_known: np.ndarray, seed: int, max_offset_s: float
+) -> Rig | None:
     """Return the best rig; where views do not agree, some of them may have a wrong frame rate."""
-    best = _rig_at_rates(views, table, bones, focal_known, seed)
+    best = _rig_at_rates(views, table, bones, focal_known, seed, max_offset_s)
     if best is None or best.assembly.rejected or best.assembly.cost > _POOR_COST:
-        rate = rig_rates(views, table)
+        rate = rig_rates(views, table, max_offset_s)
         if (rate != 1.0).any():
             timed = [at_rate(view, ratio) for view, ratio in zip(views, rate, strict=True)]
-            other = _rig_at_rates(timed, table, bones, focal_known, seed)
+            other = _rig_at_rates(timed, table, bones, focal_known, seed, max_offset_s)
             if other is not None and (best is None or other.assembly.support > _RATE_GAIN * best.assembly.support):
                 return replace(other, rate=rate)
     return best
 
 
 def _rig_at_rates(
-    views: Sequence[Bearings], table: People, bones: Bones, focal_known: np.ndarray, seed: int
+    views: Sequence[Bearings], table: People, bones: Bones, focal_known: np.ndarray, seed: int, max_offset_s: float
 ) -> Rig | None:
     """Return the best rig: with synchronized views, or with time offsets if they explain the motion better."""
     rate = np.ones(len(views))
     synchronized = np.zeros(len(views))
-    offset_s = rig_offsets(views, table, rate)
+    offset_s = rig_offsets(views, table, rate, max_offset_s)
     rigs = []
     for start in (synchronized, offset_s) if np.abs(offset_s).max() > GRID_S else (synchronized,):
         samples = sample_bodies(views, table, start, rate, N_SAMPLES)
         edges = {
             (a, b): relate_pair(views[a], views[b], shared, offsets_s=[start[b] - start[a]], seed=seed)
             for a, b in combinations(range(len(views)), 2)
-            if (shared := tuple((p[a], p[b]) for p in table if p[a] >= 0 and p[b] >= 0))
+            if (shared := _of_both(table, (a, b)))
         }
         check_parallax([view.name for view in views], edges)
-        assembly = assemble(samples, bones, edges, focal_known, True)
-        if assembly is not None:
-            rigs.append(Rig(assembly, _later(start, assembly), rate))
+        found = assemble(samples, bones, edges, focal_known, True)
+        if found:
+            rigs.append(Rig(found[0], later(start, found[0]), rate, tuple(found[1:])))
     best = rigs[0] if rigs else None
     if len(rigs) == 2 and _is_clearly_better(rigs[1].assembly, rigs[0].assembly):
         best = rigs[1]
-    return None if best is None else _with_exact_times(views, table, bones, focal_known, best)
+    return best
+
+
+def _settled(views: Sequence[Bearings], table: People, bones: Bones, focal_known: np.ndarray, rig: Rig) -> Rig:
+    """Return the most probable rig at its exact times."""
+    return with_exact_times(views, table, bones, focal_known, most_probable(views, table, bones, focal_known, rig))
 
 
 def _is_clearly_better(a: Assembly, b: Assembly) -> bool:
@@ -149,31 +206,6 @@ def _is_clearly_better(a: Assembly, b: Assembly) -> bool:
     if len(a.views) > len(b.views):
         return a.support > _GAIN * b.support
     return a.support > b.support and _GAIN * a.cost < b.cost
-
-
-def _later(offset_s: np.ndarray, assembly: Assembly) -> np.ndarray:
-    """Return the time offsets after an adjustment, relative to the first view of the assembly."""
-    moved = offset_s.copy()
-    # Observations that are taken later belong to an earlier timestamp of the true time.
-    moved[list(assembly.views)] -= assembly.state.shift_s
-    return moved - moved[assembly.views[0]]
-
-
-def _with_exact_times(views: Sequence[Bearings], table: People, bones: Bones, focal_known: np.ndarray, rig: Rig) -> Rig:
-    """Return the rig adjusted to samples at its own time offsets: between frames, motion is only nearly linear."""
-    chosen = list(rig.assembly.views)
-    people = [[person[v] for v in chosen] for person in table]
-    free = free_parameters(focal_known[chosen], True)
-    for _ in range(_TIME_ITERATIONS):
-        moved = np.abs(rig.assembly.state.shift_s).max()
-        samples = sample_bodies(
-            [views[v] for v in chosen], people, rig.offset_s[chosen], np.ones(len(chosen)), 2 * N_SAMPLES
-        )
-        assembly = readjust(rig.assembly, samples, bones, free)
-        rig = replace(rig, assembly=assembly, offset_s=_later(rig.offset_s, assembly))
-        if moved < _EXACT_S:
-            break
-    return rig
 
 
 def _rejection(median: float) -> str:

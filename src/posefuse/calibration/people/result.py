@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from posefuse.model.board import Board
 from posefuse.model.cameras import CameraRig
 from posefuse.skeleton.skeletons import Skeleton
 
@@ -40,6 +41,29 @@ class PeopleCameraReport:
     lens_given: bool
 
 
+@dataclass(frozen=True)
+class BoardShare:
+    """What a board tells about one camera of a calibration by a board and people, before the people.
+
+    Attributes:
+        name: name of the camera.
+        n_images: number of images of the board in the adjustment; 0 if it never sees the board with another camera.
+        error_px: root mean square distance between projected and detected corners.
+        rotation_sd_deg: standard deviation of the rotation relative to ``reference``, in the worst direction.
+        center_sd_m: standard deviation of the position, in the worst direction.
+        reference: name of the camera that they are relative to.
+        lens: whether the board gives the lens.
+    """
+
+    name: str
+    n_images: int = 0
+    error_px: float = float("nan")
+    rotation_sd_deg: float = float("nan")
+    center_sd_m: float = float("nan")
+    reference: str = ""
+    lens: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class PeopleCalibration:
     """Result of a calibration by people.
@@ -49,8 +73,11 @@ class PeopleCalibration:
         cameras: one report per camera, in the order of the rig.
         covariance: shape (view * 10, view * 10): of three rotations about the camera's own axes in rad, three shifts of
             its center in m, time offset in s, clock drift in s/s, logarithm of the focal length, and first coefficient
-            of radial distortion; relative to the first camera and without the error of the scale.
-        scale_sd: relative standard deviation of all lengths; NaN if the scale is unknown.
+            of radial distortion; relative to the first camera and without the error of a scale by people.
+        lens_covariance: shape (view, 18, view, 18): the same by rotation, center, fx, fy, cx, cy in px and eight
+            distortion coefficients.
+        scale_sd: relative standard deviation of all lengths; NaN if the scale is unknown, 0 if a board or an earlier
+            calibration defines it.
         error_px: median distance between projected and detected keypoints of all views.
         held_out_px: median distance between detected keypoints and those that the other cameras predict.
         skeleton: of the keypoints.
@@ -60,11 +87,14 @@ class PeopleCalibration:
         time_s: shape (frame,): their times.
         left_out: name and reason of each camera that could not be related to the others.
         notes: what was assumed and corrected, in sentences.
+        board: the board that is in the same estimate, if any.
+        board_shares: what it tells about each camera, in the order of the rig.
     """
 
     rig: CameraRig
     cameras: tuple[PeopleCameraReport, ...]
     covariance: np.ndarray
+    lens_covariance: np.ndarray
     scale_sd: float
     error_px: float
     held_out_px: float
@@ -74,3 +104,5 @@ class PeopleCalibration:
     time_s: np.ndarray
     left_out: Mapping[str, str]
     notes: tuple[str, ...] = ()
+    board: Board | None = None
+    board_shares: tuple[BoardShare, ...] = ()

@@ -6,7 +6,6 @@ from posefuse.calibration.people.result import PeopleCalibration
 from posefuse.calibration.volume import volume_accuracy
 from posefuse.model.calibration_summary import CalibrationSummary, CameraSummary
 
-_LOG_FOCAL, _RADIAL, _LENS = 8, 9, 18
 _OUTLIER = 6.0
 """Residuals above this multiple of the median of their camera are outliers of the detector, and not shown."""
 
@@ -17,16 +16,17 @@ def summarize_people(result: PeopleCalibration) -> CalibrationSummary:
     edges = [(names.index(a), names.index(b)) for a, b in result.skeleton.edges]
     n_people = result.points_m.shape[1]
     who = "animals" if not result.skeleton.plausible_m else "people"
+    source = f"{n_people} {who}" if n_people != 1 else who.removesuffix("s").replace("people", "one person")
     return CalibrationSummary(
         rig=result.rig,
         target="people",
-        source=f"{n_people} {who}" if n_people != 1 else who.removesuffix("s").replace("people", "one person"),
+        source=source if result.board is None else f"{source} and the board {result.board}",
         cameras=tuple(_camera(result, v) for v in range(len(result.rig))),
         shared=_shared(result.keypoints_px),
         frames=np.arange(len(result.time_s)),
         points_m=result.points_m,
         edges=np.array(edges, dtype=np.int64).reshape(-1, 2),
-        volume=volume_accuracy(result.rig, _with_lenses(result), result.points_m),
+        volume=volume_accuracy(result.rig, result.lens_covariance, result.points_m),
         scale_sd=0.0 if np.isnan(result.scale_sd) else result.scale_sd,
         left_out=tuple(result.left_out.items()),
     )
@@ -62,15 +62,3 @@ def _shared(keypoints_px: np.ndarray) -> np.ndarray:
         for u in range(n_views):
             out[v, u] = (seen[:, v] & seen[:, u]).any(axis=(1, 2)).sum()
     return out
-
-
-def _with_lenses(result: PeopleCalibration) -> np.ndarray:
-    """Return the covariance by rotation, center and the twelve parameters of the lens, shape (view, 18, view, 18)."""
-    n = len(result.rig)
-    size = len(result.covariance) // n
-    step = np.zeros((n, _LENS, size))
-    step[:, :6, :6] = np.eye(6)
-    for v, camera in enumerate(result.rig.cameras):
-        step[v, 6, _LOG_FOCAL], step[v, 7, _LOG_FOCAL] = camera.matrix[0, 0], camera.matrix[1, 1]
-        step[v, 10, _RADIAL] = 1.0
-    return np.einsum("vij,vjwk,wlk->viwl", step, result.covariance.reshape(n, size, n, size), step, optimize=True)

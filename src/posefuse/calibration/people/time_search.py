@@ -49,7 +49,12 @@ def offset_candidates(
     return chosen
 
 
-def rig_offsets(views: Sequence[Bearings], people: Sequence[Sequence[int]], rate: np.ndarray) -> np.ndarray:
+def rig_offsets(
+    views: Sequence[Bearings],
+    people: Sequence[Sequence[int]],
+    rate: np.ndarray,
+    max_offset_s: float = MAX_OFFSET_S,
+) -> np.ndarray:
     """Return approximate time offsets of all views relative to the first, shape (view,).
 
     Pairs of views agree best at them together; the first guesses are synchronized views and the best offsets to each
@@ -59,9 +64,10 @@ def rig_offsets(views: Sequence[Bearings], people: Sequence[Sequence[int]], rate
         views: directions of all views.
         people: index of each person in every view, -1 where a view does not observe it.
         rate: shape (view,): true seconds per second of the timestamps.
+        max_offset_s: bound of the offset between two views.
     """
     n = len(views)
-    half = round(MAX_OFFSET_S / GRID_S)
+    half = round(max_offset_s / GRID_S)
     grid = GRID_S * np.arange(-half, half + 1)
     curves = np.zeros((n, n, len(grid)))
     for a, b in combinations(range(n), 2):
@@ -77,18 +83,26 @@ def rig_offsets(views: Sequence[Bearings], people: Sequence[Sequence[int]], rate
     starts += [
         np.array([0 if v == root else int(curves[root, v].argmin()) - half for v in range(n)]) for root in range(n)
     ]
-    found = [_descend(curves, start - start[0], half) for start in starts]
+    prior = _PRIOR_COST * (MAX_OFFSET_S / max(max_offset_s, MAX_OFFSET_S)) ** 2
+    found = [_descend(curves, start - start[0], half, prior) for start in starts]
     return GRID_S * min(found, key=lambda pair: pair[0])[1]
 
 
-def _descend(curves: np.ndarray, offsets: np.ndarray, half: int) -> tuple[float, np.ndarray]:
-    """Improve one view's offset at a time; return the cost and the offsets in steps of the grid, the first at 0."""
+def _descend(curves: np.ndarray, offsets: np.ndarray, half: int, prior: float) -> tuple[float, np.ndarray]:
+    """Improve one view's offset at a time; return the cost and the offsets in steps of the grid, the first at 0.
+
+    Args:
+        curves: shape (view, view, offset): cost of every offset of every pair of views.
+        offsets: shape (view,): first guess, in steps.
+        half: largest offset of a pair, in steps.
+        prior: cost of the square of an offset in seconds.
+    """
     n = len(offsets)
     steps = np.arange(-half, half + 1)
     offsets = offsets.copy()
 
     def costs(v: int, candidates: np.ndarray) -> np.ndarray:
-        total = _PRIOR_COST * (GRID_S * candidates) ** 2
+        total = prior * (GRID_S * candidates) ** 2
         for u in range(n):
             if u != v:
                 apart = candidates - offsets[u]

@@ -38,12 +38,14 @@ class PeopleViews:
         tracked: whether a person index is the same person in all frames of a view. False for pictures that are too far
             apart to be linked: then it only numbers the detections of a frame.
         notes: what was assumed or left out.
+        max_offset_s: bound of the time offsets between views.
     """
 
     skeleton: Skeleton
     views: tuple[ViewTracks, ...]
     tracked: bool = True
     notes: tuple[str, ...] = ()
+    max_offset_s: float = 2.0
 
 
 @dataclass(frozen=True, eq=False)

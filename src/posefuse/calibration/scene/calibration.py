@@ -15,14 +15,13 @@ from posefuse.calibration.boards.parameters import (
     OFFSET,
     POSE,
     changed,
-    coefficient_names,
     lens_values,
 )
 from posefuse.calibration.normal_equations import residual_rows
 from posefuse.calibration.scene.first_pose import MIN_POINTS, distant_poses, first_poses, lie_on_a_line
+from posefuse.calibration.stated_covariance import largest_sd
 from posefuse.errors import CalibrationError
-from posefuse.model import camera_covariance as names
-from posefuse.model.camera_covariance import CameraCovariance
+from posefuse.model.camera_covariance import CameraCovariance, parameter_names
 from posefuse.model.cameras import Camera, CameraRig
 from posefuse.model.scene_points import ScenePoints
 
@@ -254,7 +253,7 @@ def _summary(
     reports, covariances = [], []
     for view, lens in zip(views, used, strict=True):
         covariance = np.linalg.pinv(_normal(view, sd_px)[0], rcond=1e-14, hermitian=True)
-        worst = [float(np.sqrt(np.linalg.eigvalsh(covariance[k : k + 3, k : k + 3])[-1])) for k in (0, 3)]
+        worst = [largest_sd(covariance[k : k + 3, k : k + 3]) for k in (0, 3)]
         errors = _errors_px(view)
         reports.append(
             SceneCameraReport(
@@ -279,7 +278,7 @@ def _summary(
 
 def _stated(view: _View, covariance: np.ndarray) -> CameraCovariance:
     """Return the covariance with the shifts of the center along the camera's axes."""
-    all_names = (*names.ROTATION, *names.CENTER, *names.MATRIX, *coefficient_names(view.camera.lens))
+    all_names = parameter_names(view.camera.lens)
     used = np.flatnonzero(view.free[:OFFSET])
     turn = np.eye(len(used))
     turn[3:6, 3:6] = view.camera.rotation

@@ -2,15 +2,15 @@
 
 Rotation (Rodrigues vector) and translation are world to camera, with OpenCV's camera axes; there are five distortion
 coefficients, or four with ``fisheye = true``. Files written by posefuse also have ``unit``, ``up_axis``, ``notes``,
-``left_out`` and ``[metadata.covariance]`` under ``[metadata]``, which other programs ignore. Tables are ordered by
-number, so that cam_2 precedes cam_10.
+``left_out``, ``correlation`` and ``[metadata.covariance]`` under ``[metadata]``, which other programs ignore. Tables
+are ordered by number, so that cam_2 precedes cam_10.
 """
 
 from pathlib import Path
 from typing import Any
 
 from posefuse.errors import FileError, choices, suggestion
-from posefuse.io.calibration.covariances import read_covariances, text_with_covariances
+from posefuse.io.calibration.covariances import read_correlation, read_covariances, text_with_covariances
 from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.calibration.tables import (
     METERS_PER_UNIT,
@@ -59,6 +59,7 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
     cameras = tuple(camera_from_table(path, key, table, METERS_PER_UNIT[chosen]) for key, table in tables.items())
     notes = (*texts(path, metadata, "notes"), *notes)
     left_out = texts(path, metadata, "left_out")
+    covariances = read_covariances(path, metadata)
     return CameraRig(
         cameras,
         _up_axis(path, metadata),
@@ -66,7 +67,8 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
         METERS_PER_UNIT[chosen],
         notes,
         left_out,
-        covariances=read_covariances(path, metadata),
+        covariances=covariances,
+        correlation=read_correlation(path, metadata, covariances),
     )
 
 
