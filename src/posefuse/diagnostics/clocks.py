@@ -1,4 +1,4 @@
-"""Report views with a time offset, a clock drift, a wrong frame rate or dropped frames."""
+"""Report views with a time offset, a clock drift, a wrong frame rate or dropped frames, and free-running cameras."""
 
 import numpy as np
 
@@ -6,6 +6,7 @@ from posefuse.calibration.joint.evidence import CLOCK_KINDS, Choice
 from posefuse.diagnostics.examination import Examination
 from posefuse.diagnostics.findings import certainty_of
 from posefuse.diagnostics.fine_result import AcceptedFault
+from posefuse.diagnostics.time_offsets import time_views
 from posefuse.diagnostics.verdict import Verdict, rival_text
 from posefuse.model.findings import Finding, FindingKind
 
@@ -15,7 +16,7 @@ _REMEDY = "Measure the time offsets with `posefuse.measure_sync`, and correct th
 
 
 def find(examination: Examination) -> tuple[Finding, ...]:
-    """Return a finding for each view with dropped frames or with a clock that the joint estimate finds wrong."""
+    """Return a finding for each view with dropped frames or a wrong clock, and one for all other offsets to correct."""
     verdict = examination.verdict
     if verdict is None:
         return ()
@@ -27,6 +28,8 @@ def find(examination: Examination) -> tuple[Finding, ...]:
             findings.append(_dropped_frames(examination, verdict, view, dropped))
         elif choices or verdict.rate_error[view]:
             findings.append(_clock(examination, verdict, view, choices))
+    if verdict.is_free_running:
+        findings += _unsynchronized(examination, verdict, {name for finding in findings for name in finding.cameras})
     return tuple(findings)
 
 
@@ -86,6 +89,28 @@ def _clock(examination: Examination, verdict: Verdict, view: int, choices: tuple
         )
     sentence += "".join(dict.fromkeys(rival_text(verdict, choice) for choice in choices))
     return Finding(kind, cameras, None, size, unit, float(sd), certainty, gain, sentence, _REMEDY)
+
+
+def _unsynchronized(examination: Examination, verdict: Verdict, named: set[str]) -> list[Finding]:
+    """Return a finding with all time offsets of free-running cameras that `sync` corrects, or none."""
+    period_s = examination.observations.period_s
+    late = [t for t in time_views(examination) or () if t.is_corrected and t.camera not in named]
+    if not late:
+        return []
+    frames = [timing.offset_s[0] / period_s for timing in late]
+    sizes = ", ".join(
+        f"{timing.camera!r} {size:+.2f} +- {timing.offset_sd_s / period_s:.2f}"
+        for timing, size in zip(late, frames, strict=True)
+    )
+    sentence = f"The cameras have no common trigger. Time offsets of the views, in frames: {sizes}."
+    largest = max(range(len(late)), key=lambda k: abs(frames[k]))
+    return [
+        Finding(
+            FindingKind.UNSYNCHRONIZED, tuple(timing.camera for timing in late), None, frames[largest], "frames",
+            late[largest].offset_sd_s / period_s, certainty_of(2.0 * verdict.free_running + 10.0, []),
+            verdict.free_running, sentence, _REMEDY,
+        )
+    ]  # fmt: skip
 
 
 def _dropped_frames(examination: Examination, verdict: Verdict, view: int, fault: AcceptedFault) -> Finding:

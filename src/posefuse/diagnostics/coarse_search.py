@@ -15,7 +15,7 @@ from posefuse.diagnostics import epipolar
 from posefuse.diagnostics.best_order import best_order
 from posefuse.diagnostics.camera_resection import resect_camera
 from posefuse.diagnostics.epipolar import PosedView, disagreement, disagreement_table, posed_view
-from posefuse.diagnostics.frame_rates import RATE_ERRORS, with_rate_error
+from posefuse.diagnostics.frame_rates import RATE_ERRORS, possible_errors, with_rate_error
 from posefuse.diagnostics.normalized_views import normalize_views
 from posefuse.diagnostics.observations import TrackedObservations
 from posefuse.diagnostics.recording_model import ImageTransform, RecordingModel
@@ -295,15 +295,15 @@ class _CandidateSearch:
         self, v: int, model: RecordingModel, best_of: Callable[[str, list[RecordingModel]], CoarseCorrection]
     ) -> CoarseCorrection:
         """Return the best correction of a view's frame rate."""
-        step = self._step_s
+        step, errors = self._step_s, possible_errors(self.observations.period_s)
         starts = [step * k for k in range(-self._reach, self._reach + 1, _RATE_STRIDE)]
         rough = [
             best_of("rate", [with_rate_error(self.observations, model, v, error, start_s) for start_s in starts])
-            for error in RATE_ERRORS
+            for error in errors
         ]
         place = int(np.argmin([nan_to_inf(each.after) for each in rough]))
         near = [rough[place].model.with_offset(v, 0.25 * step * k) for k in range(-8, 9)]
-        return replace(best_of("rate", near), rate_error=RATE_ERRORS[place])
+        return replace(best_of("rate", near), rate_error=errors[place])
 
     def _resected(self, model: RecordingModel, table: np.ndarray, v: int) -> Iterator[CoarseCorrection]:
         """Yield the correction of a view's pose."""

@@ -6,6 +6,7 @@ from posefuse.diagnostics.recording_model import RecordingModel
 STANDARD_RATES_HZ = (24.0, 25.0, 30.0, 50.0, 60.0)
 """Rates of cameras. Those that differ by a factor of 1000/1001 (29.97 and 30) look alike for the coarse search, and the
 joint estimate distinguishes them."""
+_SAME_RATE = 0.005
 
 
 def rate_errors() -> tuple[float, ...]:
@@ -15,6 +16,15 @@ def rate_errors() -> tuple[float, ...]:
 
 
 RATE_ERRORS = rate_errors()
+
+
+def possible_errors(period_s: float) -> tuple[float, ...]:
+    """Return the errors that lead from the stated frame rate to one of cameras; all errors if none does."""
+    return tuple(e for e in RATE_ERRORS if _is_standard(1.0 / (period_s * (1.0 + e)))) or RATE_ERRORS
+
+
+def _is_standard(rate_hz: float) -> bool:
+    return any(abs(rate_hz / standard - 1.0) < _SAME_RATE for standard in STANDARD_RATES_HZ)
 
 
 def with_rate_error(

@@ -61,7 +61,7 @@ def sync_options(timings: tuple[ViewTiming, ...]) -> SyncOptions:
     rows = [
         (view.camera, *row)
         for view in timings
-        if view.is_wrong
+        if view.is_corrected
         for row in zip(view.start_s, view.offset_s, view.drift_ppm, strict=True)
     ]
     columns = tuple(zip(*rows, strict=True)) if rows else ((), (), (), ())

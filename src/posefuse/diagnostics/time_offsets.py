@@ -8,11 +8,14 @@ from scipy.sparse.csgraph import connected_components
 from posefuse.calibration.joint.evidence import CLOCK_KINDS
 from posefuse.diagnostics.examination import Examination
 from posefuse.diagnostics.start_offsets import medoid
+from posefuse.model.options.sync import NEAR_FRAMES
 
 _MIN_SHARED_SAMPLES = 15
 """Samples at which two views must see the same point for their clocks to be compared."""
 _MIN_DROPPED_FRAMES = 0.5
 _EQUAL_Z, _SIGNIFICANT_Z = 3.0, 3.0
+_KNOWN_Z = 2.0
+"""Offsets of free-running cameras that are this many standard deviations from 0 are worth correcting."""
 _MAX_OFFSET_SD_S = 0.1
 """Above this standard deviation, the recording does not determine a time offset: the people hardly move."""
 
@@ -28,7 +31,8 @@ class ViewTiming:
         drift_ppm: of each row: rate of change of the offset, in parts per million.
         offset_sd_s: standard deviation of the offset, in the middle of the recording.
         drift_sd_ppm: standard deviation of the drift, whether or not a drift was found.
-        is_wrong: whether the verdict is that this clock is wrong.
+        is_corrected: whether :func:`sync_options` corrects this clock: it is wrong, or it is one of free-running
+            cameras, and its offset is known well enough.
     """
 
     camera: str
@@ -37,7 +41,7 @@ class ViewTiming:
     drift_ppm: tuple[float, ...]
     offset_sd_s: float
     drift_sd_ppm: float
-    is_wrong: bool = False
+    is_corrected: bool = False
 
     @property
     def is_observable(self) -> bool:
@@ -62,19 +66,18 @@ def time_views(examination: Examination, reference: int | None = None) -> tuple[
     n = len(clocks)
     wrong = np.array([bool(verdict.of(v, CLOCK_KINDS)) or bool(_dropped_samples(examination, v)) for v in range(n)])
     wrong |= verdict.rate_error != 0.0
-    relative = np.eye(n)
     if reference is not None:
-        relative[:, reference] -= 1.0
-        sds = _sds(relative, covariance[:n, :n])
-        offset_s, drift = relative @ clocks[:, 0], relative @ clocks[:, 1]
-        wrong = wrong.any() & (wrong | (np.abs(offset_s) > _SIGNIFICANT_Z * sds))
-        wrong[reference] = False
+        common = np.eye(n)[reference]
     else:
-        relative[:, views] -= 1.0 / len(views)
-        sds = _sds(relative, covariance[:n, :n])
-        right = [v for v in views if not wrong[v]]
-        common_s = clocks[right, 0].mean() if right else _common_offset(clocks[views, 0], sds[views])
-        offset_s, drift = clocks[:, 0] - common_s, clocks[:, 1]
+        common = _common_clock(clocks[:, 0], covariance[:n, :n], views, wrong | verdict.is_free_running)
+    relative = np.eye(n) - common
+    sds, (offset_s, drift) = _sds(relative, covariance[:n, :n]), (relative @ clocks).T
+    if reference is not None and wrong.any():
+        wrong |= np.abs(offset_s) > _SIGNIFICANT_Z * sds
+        wrong[reference] = False
+    if verdict.is_free_running:
+        known = np.abs(offset_s) > np.maximum(_KNOWN_Z * sds, NEAR_FRAMES * examination.observations.period_s)
+        wrong |= known & ~(verdict.gain_by_offsets(common) <= 0.0)
     drift_sds = np.maximum(_sds(relative, covariance[n:, n:]), verdict.estimate.sd[:, 7])
     return tuple(
         ViewTiming(
@@ -82,7 +85,7 @@ def time_views(examination: Examination, reference: int | None = None) -> tuple[
             *_rows(examination, v, float(offset_s[v]), float(drift[v])),
             offset_sd_s=float(sds[v]),
             drift_sd_ppm=1e6 * float(drift_sds[v]),
-            is_wrong=bool(wrong[v]),
+            is_corrected=bool(wrong[v]),
         )
         for v in views
     )
@@ -106,11 +109,23 @@ def _connected_views(seen: np.ndarray, reference: int | None) -> list[int]:
     return np.flatnonzero(group == chosen).tolist()
 
 
-def _common_offset(offset_s: np.ndarray, sds: np.ndarray) -> float:
-    """Return the offset that most views share: the medoid, averaged with the offsets that do not differ from it."""
-    away = np.abs(offset_s - medoid(offset_s))
+def _common_clock(offset_s: np.ndarray, covariance: np.ndarray, views: list[int], wrong: np.ndarray) -> np.ndarray:
+    """Return the weights of the clocks whose mean is the common one, shape (view,).
+
+    They are those that are not wrong; without any, those that do not differ from the medoid.
+    """
+    weights = np.zeros(len(offset_s))
+    right = [v for v in views if not wrong[v]]
+    if right:
+        weights[right] = 1.0 / len(right)
+        return weights
+    to_mean = np.eye(len(offset_s))
+    to_mean[:, views] -= 1.0 / len(views)
+    sds = _sds(to_mean, covariance)[views]
+    away = np.abs(offset_s[views] - medoid(offset_s[views]))
     near = away <= _EQUAL_Z * np.hypot(sds, sds[np.argmin(away)])
-    return float(np.average(offset_s[near], weights=sds[near] ** -2.0))
+    weights[views] = near * sds**-2.0
+    return weights / weights.sum()
 
 
 def _rows(

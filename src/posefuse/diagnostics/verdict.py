@@ -4,10 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from posefuse.calibration.joint.asynchrony import log_odds_of_free_running
 from posefuse.calibration.joint.equations import linearize
 from posefuse.calibration.joint.estimate import JointEstimate, estimate, sample_frames
 from posefuse.calibration.joint.evidence import (
     CLOCK_KINDS,
+    DECISIVE,
     DRIFT_SD,
     POSE_KINDS,
     Choice,
@@ -16,6 +18,7 @@ from posefuse.calibration.joint.evidence import (
     choose,
 )
 from posefuse.calibration.joint.extent import PoseUnits
+from posefuse.calibration.joint.left_out import gain_by_offsets
 from posefuse.calibration.joint.parameters import JointParameters
 from posefuse.calibration.joint.recording import JointRecording
 from posefuse.diagnostics.coarse_search import CoarseResult
@@ -53,6 +56,7 @@ class Verdict:
         late_sd_s: shape (view,): prior standard deviation of the time offset.
         rate_error: shape (view,): gross relative errors of the frame rates, not part of ``change``.
         rate_middle_s: time at which these errors do not shift the view.
+        free_running: log of the odds that all clocks differ as those of cameras without a common trigger.
     """
 
     estimate: JointEstimate
@@ -66,6 +70,12 @@ class Verdict:
     late_sd_s: np.ndarray
     rate_error: np.ndarray
     rate_middle_s: float
+    free_running: float
+
+    @property
+    def is_free_running(self) -> bool:
+        """Return whether the cameras have no common trigger, and their timestamps do not show it."""
+        return self.free_running >= DECISIVE
 
     def slope(self, view: int, drift: float) -> float:
         """Return the change of a view's time offset per second of true time, by a drift and by its frame rate."""
@@ -94,6 +104,33 @@ class Verdict:
 
         Poses are estimated again with a narrow prior unless they were found wrong, drifts likewise.
         """
+        joint, has_drift = self._estimate_clocks()
+        n = len(joint.names)
+        at = [VIEW_PARAMETERS * v + p for p in (6, 7) for v in range(n)]
+        drift = joint.change[:, 7:] if has_drift else np.zeros((n, 1))
+        return np.hstack([joint.change[:, 6:7], drift]), joint.covariance[np.ix_(at, at)]
+
+    def gain_by_offsets(self, common: np.ndarray) -> np.ndarray:
+        """Return by how much the time offset of each view improves its prediction by the other views, shape (view,).
+
+        Offsets from each half of the recording are applied to the other half.
+
+        Args:
+            common: shape (view,): weights of the clocks that define the common one.
+
+        Returns:
+            Decrease of the loss; NaN where the other views predict too little.
+        """
+        first, second = np.array_split(sample_frames(self.recording, self.max_samples), 2)
+        gains = np.zeros(len(self.estimate.names))
+        for used, predicted in ((first, second), (second, first)):
+            joint, _ = self._estimate_clocks(used)
+            offset_s = joint.change[:, 6] - common @ joint.change[:, 6]
+            gains += gain_by_offsets(self.recording, predicted, joint.parameters, joint.noise_scale, offset_s)
+        return gains
+
+    def _estimate_clocks(self, frames: np.ndarray | None = None) -> tuple[JointEstimate, bool]:
+        """Return the estimate from some frames given the accepted poses, and whether a clock drifts."""
         n = len(self.estimate.names)
         prior_sd = _prior_sd(self.units, self.late_sd_s, _NARROW_SHARE)
         prior_sd[:, 7] = DRIFT_SD
@@ -103,10 +140,8 @@ class Verdict:
             prior_sd[choice.explanation.view, at] = wide_sd[choice.explanation.view, at]
         if not any(choice.explanation.kind in ("drift", "rate") for choice in self.choices):
             prior_sd[:, 7] = _NO_DRIFT
-        joint = estimate(self.recording, self.estimate.parameters, self.max_samples, prior_sd) or self.estimate
-        at = [VIEW_PARAMETERS * v + p for p in (6, 7) for v in range(n)]
-        drift = joint.change[:, 7:] if prior_sd[0, 7] > _NO_DRIFT else np.zeros((n, 1))
-        return np.hstack([joint.change[:, 6:7], drift]), joint.covariance[np.ix_(at, at)]
+        joint = estimate(self.recording, self.estimate.parameters, self.max_samples, prior_sd, frames)
+        return joint or self.estimate, bool(prior_sd[0, 7] > _NO_DRIFT)
 
     def pose_sds(self) -> dict[str, tuple[float, float]]:
         """Return standard deviations of the pose of every camera, if all poses are unknown: in degrees and in m.
@@ -168,10 +203,16 @@ def judge(
     checked = fine.final.system.n_checked > 0
     checked &= len(observations.keypoint_index) >= _MIN_KEYPOINTS
     choices = tuple(c for c in choose(joint, (*given, *bumped)) if checked[c.explanation.view])
-    change, covariance = Comparison(joint).posterior(tuple(c.explanation for c in choices))
+    explanations = tuple(c.explanation for c in choices)
+    change, covariance = Comparison(joint).posterior(explanations)
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0)).reshape(change.shape)
     middle_s = float(0.5 * (observations.frame_time_s[0] + observations.frame_time_s[-1]))
-    return Verdict(joint, choices, change, sd, steps, recording, max_samples, units, late_sd_s, rate_error, middle_s)
+    free = float("-inf")
+    if np.sum(checked) > 1:
+        free = log_odds_of_free_running(joint, explanations, observations.period_s)
+    return Verdict(
+        joint, choices, change, sd, steps, recording, max_samples, units, late_sd_s, rate_error, middle_s, free
+    )
 
 
 def _units(recording: JointRecording, start: JointParameters) -> PoseUnits | None:

@@ -19,6 +19,7 @@ class FindingKind(StrEnum):
     FOCAL_LENGTH = "focal length"
     LENS_DISTORTION = "lens distortion"
     TIME_OFFSET = "time offset"
+    UNSYNCHRONIZED = "unsynchronized cameras"
     CLOCK_DRIFT = "clock drift"
     FRAME_RATE = "frame rate"
     DROPPED_FRAMES = "dropped frames"
@@ -49,6 +50,7 @@ POSE_FINDINGS = (
 """Findings that mean that the calibration is wrong."""
 CLOCK_FINDINGS = (
     FindingKind.TIME_OFFSET,
+    FindingKind.UNSYNCHRONIZED,
     FindingKind.CLOCK_DRIFT,
     FindingKind.FRAME_RATE,
     FindingKind.DROPPED_FRAMES,

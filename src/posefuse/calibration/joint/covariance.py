@@ -6,6 +6,8 @@ from posefuse.calibration.joint.equations import Rows
 from posefuse.calibration.joint.noise_law import FAST_S, SLOW_S, NoiseLaw
 from posefuse.kernels.calibration.joint import decaying_sums
 
+_MOST_SIMILAR = 50.0
+
 
 def score_covariance(rays: np.ndarray, rows: Rows, law: NoiseLaw) -> np.ndarray:
     """Return the covariance of the score, shape (parameter, parameter).
@@ -35,7 +37,7 @@ def score_sds(rows: Rows) -> np.ndarray:
 
 
 def information(
-    basis: np.ndarray, curvature: np.ndarray, spread: np.ndarray, prior: np.ndarray, change: np.ndarray
+    basis: np.ndarray, curvature: np.ndarray, spread: np.ndarray, pull: np.ndarray, change: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the information of the keypoints alone, and its product with the most likely changes.
 
@@ -46,7 +48,7 @@ def information(
         basis: shape (parameter, free): directions that the data can determine.
         curvature: shape (parameter, parameter): H.
         spread: shape (parameter, parameter): covariance of the score, S.
-        prior: shape (parameter,): inverse variances, P.
+        pull: shape (parameter,): slope of the prior's cost, ``P (change - mean)``.
         change: shape (parameter,): estimate.
     """
     values, vectors = np.linalg.eigh(basis.T @ curvature @ basis)
@@ -54,7 +56,7 @@ def information(
     values, vectors = np.linalg.eigh(basis.T @ spread @ basis)
     half = (vectors / np.sqrt(np.maximum(values, 1e-9 * values[-1] + 1e-300))) @ vectors.T
     inner = half @ inside
-    whole = inside @ (basis.T @ change) + basis.T @ (prior * change)
+    whole = inside @ (basis.T @ change) + basis.T @ pull
     return inner.T @ inner, inner.T @ (half @ whole)
 
 
@@ -66,3 +68,19 @@ def _decaying(streams: np.ndarray, time_s: np.ndarray, reach_s: float) -> np.nda
     flat, later = streams.reshape(-1, streams.shape[-1]), summed.reshape(-1, streams.shape[-1])
     cross = flat.T @ later
     return cross + cross.T - flat.T @ flat
+
+
+def design_effect(basis: np.ndarray, curvature: np.ndarray, spread: np.ndarray) -> float:
+    """Return how many observations with these errors count as one independent observation, 1 to ``_MOST_SIMILAR``.
+
+    It is that of the quarter of the directions in which errors add up most.
+
+    Args:
+        basis: shape (parameter, free): directions that the data can determine.
+        curvature: shape (parameter, parameter).
+        spread: shape (parameter, parameter): covariance of the score.
+    """
+    values, vectors = np.linalg.eigh(basis.T @ spread @ basis)
+    half = vectors / np.sqrt(np.maximum(values, 1e-9 * values[-1] + 1e-300))
+    shares = np.linalg.eigvalsh(half.T @ (basis.T @ curvature @ basis) @ half)
+    return float(1.0 / np.clip(np.quantile(shares, 0.25), 1.0 / _MOST_SIMILAR, 1.0))

@@ -6,7 +6,7 @@ stands the covariance of the score under errors that are correlated over time (s
 changes are those in the world that is closest to the calibration, and relative to the mean clock.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,8 +20,10 @@ from posefuse.calibration.joint.equations import (
     observed_curvature,
     pretended_information,
 )
+from posefuse.calibration.joint.known_poses import KnownPoses
 from posefuse.calibration.joint.noise_law import NoiseLaw, estimate_law
 from posefuse.calibration.joint.parameters import JointParameters, difference
+from posefuse.calibration.joint.prior import Prior
 from posefuse.calibration.joint.recording import JointRecording
 from posefuse.calibration.joint.velocity_gain import velocity_gain
 from posefuse.kernels.calibration.joint import FOCAL, VIEW_PARAMETERS
@@ -97,8 +99,9 @@ def estimate(
     recording: JointRecording,
     start: JointParameters | None = None,
     max_samples: int = MAX_SAMPLES,
-    prior_sd: np.ndarray | None = None,
+    prior: Prior | np.ndarray | None = None,
     frames: np.ndarray | None = None,
+    known: KnownPoses | None = None,
 ) -> JointEstimate | None:
     """Estimate poses and clocks of all views, or return None without points that two views observe.
 
@@ -106,14 +109,16 @@ def estimate(
         recording: tracked keypoints and calibrated poses.
         start: parameters to start from; by default the calibration.
         max_samples: largest number of frames to use.
-        prior_sd: shape (view, parameter): standard deviations of the changes; by default :data:`PRIOR_SD`. With
-            columns for the logarithm of the focal length and the radial distortion, lenses are estimated too.
+        prior: prior of the changes, or its standard deviations, shape (view, parameter); by default :data:`PRIOR_SD`.
+            With parameters for the logarithm of the focal length and the radial distortion, lenses are estimated too.
         frames: shape (sample,): frames to use, ascending; by default evenly spaced ones.
+        known: what is known of the poses of the recording's cameras in addition; it determines the scale.
     """
     n = recording.n_views
-    sd = np.tile(PRIOR_SD, (n, 1)) if prior_sd is None else prior_sd
-    prior = sd.ravel() ** -2.0
-    calibrated = _calibrated(recording, sd.shape[1])
+    prior = np.tile(PRIOR_SD, (n, 1)) if prior is None else prior
+    prior = with_known_poses(prior if isinstance(prior, Prior) else Prior.of_sds(prior), known)
+    least, size = prior.curvature, len(prior.mean) // n
+    calibrated = _calibrated(recording, size)
     parameters = start or calibrated
     frames = sample_frames(recording, max_samples) if frames is None else frames
     scale, points = np.ones(n), None
@@ -126,16 +131,23 @@ def estimate(
             continue
         normal, score = normal_equations(rows)
         change = difference(calibrated, parameters)
-        basis = _gauge(rows, parameters)[0]
-        whole = rows.relative_curvature * normal - pretended_information(rows) + np.diag(prior)
-        inverse = basis @ _inverse(basis.T @ whole @ basis, basis.T @ np.diag(prior) @ basis) @ basis.T
-        delta = inverse @ (score - prior * change.ravel())
+        basis = _gauge(rows, parameters, known)[0]
+        whole = rows.relative_curvature * normal - pretended_information(rows) + least
+        inverse = basis @ _inverse(basis.T @ whole @ basis, basis.T @ least @ basis) @ basis.T
+        delta = inverse @ (score - prior.pull(change.ravel()))
         delta = delta.reshape(n, -1)
-        parameters = parameters.changed(delta / max(1.0, float(np.abs(delta / _MAX_CHANGE[: sd.shape[1]]).max())))
+        parameters = parameters.changed(delta / max(1.0, float(np.abs(delta / _MAX_CHANGE[:size]).max())))
         sds = np.sqrt(np.maximum(np.diag(inverse), 0.0)).reshape(delta.shape)
         if step > 2 and (np.abs(delta) < _CONVERGED * sds + 1e-9).all():
             break
-    return _finish(recording, linearize(recording, frames, parameters, scale, points), parameters, prior)
+    return _finish(recording, linearize(recording, frames, parameters, scale, points), parameters, prior, known)
+
+
+def with_known_poses(prior: Prior, known: KnownPoses | None) -> Prior:
+    """Return the prior with what is known of the poses in addition."""
+    if known is None:
+        return prior
+    return replace(prior, precision=prior.precision + known.matrix(len(prior.mean) // len(known.precision)))
 
 
 def _calibrated(recording: JointRecording, size: int) -> JointParameters:
@@ -164,16 +176,18 @@ def _law(rows: Rows) -> NoiseLaw:
     return estimate_law(scores.reshape(shape[0], -1), rows.time_s, absorbed)
 
 
-def _finish(recording: JointRecording, rows: Rows, parameters: JointParameters, prior: np.ndarray) -> JointEstimate:
-    """Return the estimate with its covariance; ``prior`` holds the inverse variances of the prior."""
+def _finish(
+    recording: JointRecording, rows: Rows, parameters: JointParameters, prior: Prior, known: KnownPoses | None
+) -> JointEstimate:
+    """Return the estimate with its covariance."""
     n, law = recording.n_views, _law(rows)
     calibrated = _calibrated(recording, parameters.size)
-    basis, projection = _gauge(rows, parameters)
+    basis, projection = _gauge(rows, parameters, known)
     rays = influences(rows)
-    normal = observed_curvature(rows) - pretended_information(rows) + np.diag(prior)
+    normal = observed_curvature(rows) - pretended_information(rows) + prior.curvature
     scores = score_covariance(rays, rows, law)
-    middle = scores + np.diag(prior)
-    spread = basis @ _inverse(basis.T @ normal @ basis, basis.T @ np.diag(prior) @ basis) @ basis.T
+    middle = scores + prior.spread
+    spread = basis @ _inverse(basis.T @ normal @ basis, basis.T @ prior.curvature @ basis) @ basis.T
     covariance = spread @ middle @ spread
     times = recording.moments_s[rows.frames]
     inflated = np.ones((n, parameters.size))
@@ -181,13 +195,14 @@ def _finish(recording: JointRecording, rows: Rows, parameters: JointParameters, 
     inflated[:, 6:8] /= velocity_gain(recording, rows, parameters)
     inflated = inflated.ravel()
     change = (projection @ difference(calibrated, parameters).ravel()).reshape(n, -1)
-    known = information(basis, normal - np.diag(prior), inflated[:, None] * scores * inflated, prior, change.ravel())
+    inflated_scores = inflated[:, None] * scores * inflated
+    told = information(basis, normal - prior.curvature, inflated_scores, prior.pull(change.ravel()), change.ravel())
     return JointEstimate(
         recording.names,
         parameters,
         change,
         covariance * inflated * inflated[:, None],
-        *known,
+        *told,
         basis,
         projection,
         rows,
@@ -204,10 +219,11 @@ def _inverse(curvature: np.ndarray, least: np.ndarray) -> np.ndarray:
     return turned.T @ (turned / np.maximum(values, 1.0)[:, None])
 
 
-def _gauge(rows: Rows, parameters: JointParameters) -> tuple[np.ndarray, np.ndarray]:
+def _gauge(rows: Rows, parameters: JointParameters, known: KnownPoses | None) -> tuple[np.ndarray, np.ndarray]:
     """Return the directions that the data can determine, and the projection onto them along the others.
 
-    The others are the similarities of the world, and a common offset and drift of all clocks.
+    The others are the similarities of the world, and a common offset and drift of all clocks. Known poses determine the
+    scale.
     """
     n = len(parameters.rotation)
     points = rows.points_m[np.isfinite(rows.points_m).all(axis=-1)]
@@ -220,6 +236,8 @@ def _gauge(rows: Rows, parameters: JointParameters) -> tuple[np.ndarray, np.ndar
         free[v, 3:6, 3:6] = np.eye(3)
         free[v, 3:6, 6] = x, y, z
     free[:, 6, 7] = free[:, 7, 8] = 1.0
+    if known is not None:
+        free = np.delete(free, 6, axis=2)
     distance_m = float(np.median(np.linalg.norm(parameters.center_m - origin, axis=1)))
     weight = np.tile([distance_m**2] * 3 + [1.0] * (parameters.size - 3), n)
     free = free.reshape(n * parameters.size, -1)

@@ -124,8 +124,13 @@ class Choice:
 class Comparison:
     """Compute the evidence of sets of explanations for one estimate."""
 
-    def __init__(self, estimate: JointEstimate) -> None:
-        """Write the data as ``measured = root @ change + error`` with errors of unit variance."""
+    def __init__(self, estimate: JointEstimate, offset_levels_s: tuple[float, ...] = OFFSET_LEVELS_S) -> None:
+        """Write the data as ``measured = root @ change + error`` with errors of unit variance.
+
+        Args:
+            estimate: of all views.
+            offset_levels_s: usual errors of all clocks.
+        """
         self.n_views = self._n = len(estimate.names)
         self._units = units = PoseUnits.of(estimate.rows)
         values, vectors = np.linalg.eigh(estimate.information)
@@ -134,7 +139,7 @@ class Comparison:
         self._measured = (vectors.T @ estimate.evidence_score) / roots
         self._root = (roots[:, None] * vectors.T) @ (estimate.basis.T @ estimate.projection)
         self._usual = []
-        for pose, offset_s in product(POSE_LEVELS, OFFSET_LEVELS_S):
+        for pose, offset_s in product(POSE_LEVELS, offset_levels_s):
             sd = [pose * units.rotation] * 3 + [pose * units.center_m] * 3 + [offset_s, _DRIFT_ACCURACY]
             columns = self._root * np.tile(sd, self._n)
             self._usual.append(columns @ columns.T)
