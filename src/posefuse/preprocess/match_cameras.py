@@ -30,7 +30,7 @@ def match_views(
         MatchError: if a view has no camera or several candidates.
     """
     order = options.camera_order
-    rig, detections, left_out = _without_uncalibrated(rig, detections, options)
+    rig, detections, order, left_out = _without_uncalibrated(rig, detections, options)
     names = _by_order(rig, detections, order) if order else _by_name(rig, detections)
     wanted = options.cameras or tuple(name for name in names if name not in options.exclude_camera)
     for name in (*options.cameras, *options.exclude_camera):
@@ -54,16 +54,24 @@ def match_views(
 
 def _without_uncalibrated(
     rig: CameraRig, detections: Detections, options: Options
-) -> tuple[CameraRig, Detections, tuple[str, ...]]:
-    """Drop the views of cameras that the refinement of the calibration left out, with a note."""
+) -> tuple[CameraRig, Detections, tuple[str, ...], tuple[str, ...]]:
+    """Drop the views of cameras that the refinement of the calibration left out.
+
+    Returns:
+        The cameras, the views, the order of the cameras without those left out, and notes.
+    """
+    order = options.camera_order
     left_out = {plain_name(name) for name in rig.left_out}
     rig = replace(rig, left_out=())
-    kept = [view for view in detections.view_names if plain_name(view) not in left_out]
-    if options.camera_order or not kept or len(kept) == detections.n_views:
-        return rig, detections, ()
+    cameras = order if len(order) == detections.n_views else detections.view_names
+    pairs = zip(detections.view_names, cameras, strict=True)
+    kept = [view for view, camera in pairs if plain_name(camera) not in left_out]
+    if not kept or len(kept) == detections.n_views:
+        return rig, detections, order, ()
+    order = tuple(name for name in order if plain_name(name) not in left_out)
     gone = [view for view in detections.view_names if view not in kept]
     note = f"Views not used because their cameras were left out when the calibration was refined: {choices(gone)}."
-    return rig, detections.views(kept), (note,)
+    return rig, detections.views(kept), order, (note,)
 
 
 def _by_order(rig: CameraRig, detections: Detections, order: tuple[str, ...]) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from posefuse.errors import DetectionsError, MatchError, suggestion
 from posefuse.model.detections import Detections
 from posefuse.model.options.sync import NEAR_FRAMES, SyncOptions
 from posefuse.model.subjects import Subjects
+from posefuse.preprocess.start_times import with_start_times
 from posefuse.preprocess.timeline import fill_missing_times
 
 _MAX_FRAMES_APART = 2.1
@@ -57,6 +58,9 @@ def shift_views(detections: Detections, cameras: tuple[str, ...], sync: SyncOpti
         raise DetectionsError("sync needs times, but the files contain no frame rate. Add `rate_hz`.")
     for v in range(stated.shape[1]):
         stated[:, v] = fill_missing_times(stated[:, v], everything.frame_numbers)
+    if sync.are_far_apart(cameras):
+        # A new timeline keeps frames that only later views recorded.
+        return _realigned(everything, cameras, sync)
     common = np.nanmean(stated, axis=1)
     true = np.stack([stated[:, v] + sync.offset_at(name, stated[:, v]) for v, name in enumerate(cameras)], axis=1)
     source = np.stack([_nearest(common, true[:, v]) for v in range(len(cameras))], axis=1)
@@ -64,6 +68,25 @@ def shift_views(detections: Detections, cameras: tuple[str, ...], sync: SyncOpti
         _note(name, true[:, v] - stated[:, v], common) for v, name in enumerate(cameras) if name in sync.cameras
     )
     return ShiftedViews(_rearrange(everything, source, true), common, notes)
+
+
+def _realigned(everything: Detections, cameras: tuple[str, ...], sync: SyncOptions) -> ShiftedViews:
+    """Return views that start seconds apart on a new timeline; its times are those of the view with most frames."""
+    moved = with_start_times(replace(everything, view_names=cameras), sync)
+    true = np.array(moved.time_s)
+    common = np.full(moved.n_frames, np.nan)
+    for v in np.argsort(-moved.recorded.sum(axis=0), kind="stable"):
+        common = np.where(np.isfinite(common), common, true[:, v])
+    period = float(np.median(np.diff(common)))
+    offsets = {name: float(sync.offset_at(name, np.array(0.0))) for name in cameras if name in sync.cameras}
+    notes = tuple(
+        f"Sync: view {name} started {abs(offset):.3f} s {'later' if offset > 0 else 'earlier'}; its keypoints are "
+        f"interpolated between its frames to the frame times, {1.0 / period:.4g} per second."
+        for name, offset in offsets.items()
+    )
+    source = np.where(moved.recorded, np.arange(moved.n_frames)[:, None], -1)
+    rearranged = replace(_rearrange(moved, source, true), view_names=everything.view_names)
+    return ShiftedViews(rearranged, common, notes)
 
 
 def _note(name: str, offset_s: np.ndarray, common: np.ndarray) -> str:

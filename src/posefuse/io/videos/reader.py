@@ -142,7 +142,7 @@ def open_video(path: Path) -> VideoReader:
             if first is None:
                 raise FileError(f"{path} is a video without images. Is it truncated?")
             width, height = first.width, first.height
-            if _quarter_turns(first) % 2:
+            if quarter_turns(first) % 2:
                 width, height = height, width
             rate = stream.average_rate
             info = VideoInfo(
@@ -154,6 +154,11 @@ def open_video(path: Path) -> VideoReader:
                 container.format.name,
                 first.time or 0.0,
             )
+    except av.error.DecoderNotFoundError:
+        raise FileError(
+            f"{path} has a codec that PyAV cannot decode. Convert it, for example with ffmpeg -i {path.name} -c:v "
+            "libx264 converted.mp4."
+        ) from None
     except (av.error.FFmpegError, EOFError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise FileError(f"{path} cannot be read as a video ({reason}). Is it truncated or not a video?") from None
@@ -163,7 +168,7 @@ def open_video(path: Path) -> VideoReader:
 def upright(frame: Any, pixel_format: PixelFormat = "rgb24") -> np.ndarray:
     """Return the image of a decoded frame, rotated for display, shape (height, width, 3) or (height, width), uint8."""
     rgb = _brightness(frame) if pixel_format == "gray" else frame.to_ndarray(format=pixel_format)
-    quarters = _quarter_turns(frame)
+    quarters = quarter_turns(frame)
     return rgb if quarters == 0 else np.ascontiguousarray(np.rot90(rgb, quarters))
 
 
@@ -178,7 +183,7 @@ def _brightness(frame: Any) -> np.ndarray:
     return np.frombuffer(plane, np.uint8).reshape(plane.height, plane.line_size)[:, : plane.width]
 
 
-def _quarter_turns(frame: Any) -> int:
+def quarter_turns(frame: Any) -> int:
     """Return the number of counterclockwise quarter turns for display."""
     return round((getattr(frame, "rotation", 0) or 0) / _QUARTER_DEG) % 4
 

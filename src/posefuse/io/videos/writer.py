@@ -4,7 +4,7 @@ The same images give the same bytes with the same encoder: the number of its thr
 neither a date nor a program name.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
@@ -56,6 +56,31 @@ class VideoWriter:
         self.last_tick = tick
 
 
+def add_h264_stream(container: Any, size_px: tuple[int, int], rate_hz: float, options: Mapping[str, str]) -> Any:
+    """Return a new stream of H.264 that gives the same bytes for the same images.
+
+    Args:
+        container: the file being written.
+        size_px: width and height of the images; odd sides are one longer.
+        rate_hz: nominal frame rate.
+        options: options of the encoder.
+
+    Raises:
+        FileError: if the encoder is not available.
+    """
+    av = import_pyav()
+    if "libx264" not in av.codecs_available:
+        raise FileError("The installed PyAV has no encoder libx264. Run: pip install --force-reinstall av")
+    stream = container.add_stream("libx264", rate=Fraction(rate_hz).limit_denominator(1001), options=dict(options))
+    stream.width, stream.height = (side + side % 2 for side in size_px)
+    stream.pix_fmt = "yuv420p"
+    stream.time_base = Fraction(1, _TICKS_HZ)
+    stream.codec_context.time_base = Fraction(1, _TICKS_HZ)
+    stream.codec_context.colorspace = _BT709
+    stream.codec_context.flags |= int(av.codec.context.Flags.bitexact)
+    return stream
+
+
 @contextmanager
 def write_video(path: Path, size_px: tuple[int, int], rate_hz: float) -> Iterator[VideoWriter]:
     """Write a video; the file appears at ``path`` only if no error occurs.
@@ -69,18 +94,10 @@ def write_video(path: Path, size_px: tuple[int, int], rate_hz: float) -> Iterato
         FileError: if the file cannot be written, there is no image, or the encoder is not available.
     """
     av = import_pyav()
-    if "libx264" not in av.codecs_available:
-        raise FileError("The installed PyAV has no encoder libx264. Run: pip install --force-reinstall av")
     with replacing(path) as temporary:
         options = {"fflags": "+bitexact", "movflags": "+faststart"}
         with av.open(str(temporary), "w", format="mp4", options=options) as container:
-            stream = container.add_stream("libx264", rate=Fraction(rate_hz).limit_denominator(1001), options=_ENCODER)
-            stream.width, stream.height = (side + side % 2 for side in size_px)
-            stream.pix_fmt = "yuv420p"
-            stream.time_base = Fraction(1, _TICKS_HZ)
-            stream.codec_context.time_base = Fraction(1, _TICKS_HZ)
-            stream.codec_context.colorspace = _BT709
-            stream.codec_context.flags |= int(av.codec.context.Flags.bitexact)
+            stream = add_h264_stream(container, size_px, rate_hz, _ENCODER)
             writer = VideoWriter(container, stream)
             yield writer
             container.mux(stream.encode(None))

@@ -1,0 +1,1 @@
+"""Time offsets of views from the sound that their cameras recorded."""
