@@ -1,0 +1,128 @@
+"""Open a detector by its name, its file, or as a Python callable."""
+
+import hashlib
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from posefuse.detection.detector import Detector
+from posefuse.detection.detectors.in_process import CallableDetector
+from posefuse.detection.environments import Device, environment_of, installed_python, requirements_of, worker_file
+from posefuse.detection.onnx_description import read_onnx_description
+from posefuse.detection.process import WorkerCommand, WorkerProcess, WorkerSettings
+from posefuse.detection.registry import detectors, find_detector
+from posefuse.errors import DetectorError, choices
+from posefuse.skeleton.skeletons import Skeleton, find_skeleton
+
+AnyDetector = str | Path | Detector | Callable[[np.ndarray], Any]
+"""A name of the registry, a file, a detector, or a function of one image."""
+
+
+def opens_several(detector: AnyDetector) -> bool:
+    """Return whether a detector can be opened several times, to work in parallel; a callable cannot."""
+    return isinstance(detector, str | Path)
+
+
+def best_installed() -> str:
+    """Return the name of the best installed detector that needs no file.
+
+    Raises:
+        DetectorError: if none is installed; the message has the commands that install one.
+    """
+    general = [record for record in detectors() if record.models[0].skeleton]
+    for record in general:
+        if environment_of(record).state == "installed":
+            return record.name
+    commands = " or ".join(f"posefuse detector install {record.name}" for record in reversed(general))
+    raise DetectorError(f"No detector is installed. Run: {commands}.")
+
+
+def open_detector(
+    detector: AnyDetector,
+    *,
+    skeleton: str | Path | Skeleton | None = None,
+    python: Path | None = None,
+    device: Device = "auto",
+    weights: Sequence[Path] = (),
+    threads: int = 1,
+) -> Detector:
+    """Return a detector that is ready to use; the caller closes it.
+
+    Args:
+        detector: ``NAME`` or ``NAME:MODEL`` of an installed detector; a worker file (``.py``); the description of an
+            ONNX model (``.toml``); a function of one image, shape (height, width, 3), uint8, RGB, that returns x, y and
+            confidence, shape (person, keypoint, 3); or an object with the methods of
+            :class:`~posefuse.detection.detector.Detector`.
+        skeleton: skeleton of the keypoints that a function returns; by default its attribute ``skeleton``.
+        python: interpreter that has the detector's packages; by default that of the installed environment, and this
+            one for a worker file.
+        device: device of a model that can run on several.
+        weights: files of weights, by default the detector's own.
+        threads: number of threads of a worker.
+
+    Raises:
+        DetectorError: if there is no such detector, it is not installed, it does not start, or a function comes without
+            a skeleton.
+    """
+    if isinstance(detector, str | Path):
+        settings = WorkerSettings(
+            device=device, threads=threads, weights=tuple(str(_existing(each)) for each in weights)
+        )
+        return _open_worker(str(detector), python, settings)
+    if isinstance(detector, Detector):
+        return detector
+    given = skeleton if skeleton is not None else getattr(detector, "skeleton", None)
+    if given is None:
+        raise DetectorError(
+            "A function as detector needs `skeleton`, the name or file of the skeleton of its keypoints, such as "
+            "`skeleton='coco_17'`."
+        )
+    return CallableDetector(detector, find_skeleton(given))
+
+
+def _open_worker(detector: str, python: Path | None, settings: WorkerSettings) -> WorkerProcess:
+    python = None if python is None else _interpreter(python)
+    if detector.endswith(".py"):
+        path = _existing(Path(detector))
+        command = WorkerCommand(path.stem, python or Path(sys.executable), path, isolated=False)
+        worker = WorkerProcess(command, settings)
+        worker.version = " ".join(filter(None, (worker.version, f"worker file {_digest(path)}")))
+        return worker
+    described = detector.endswith(".toml")
+    record, model = find_detector("onnx" if described else detector)
+    if not described and not model.skeleton:
+        raise DetectorError(f"The detector {record.name} needs the TOML file that describes the model, as its name.")
+    if settings.device == "cuda":
+        requirements_of(record, cuda=True)
+    command = WorkerCommand(
+        Path(detector).stem if described else record.name,
+        python or installed_python(record),
+        worker_file(record),
+        isolated=python is None,
+    )
+    description = read_onnx_description(_existing(Path(detector))) if described else {}
+    return WorkerProcess(command, replace(settings, model=model.name, description=description))
+
+
+def _interpreter(python: Path) -> Path:
+    """Return the interpreter of a path that is one or the folder of an environment."""
+    inside = [python / name for name in ("bin/python", "Scripts/python.exe", "python.exe")]
+    found = next((path for path in inside if path.exists()), python) if python.is_dir() else python
+    if not found.is_file():
+        raise DetectorError(f"There is no Python interpreter {python}. Name the file or the folder of its environment.")
+    return found
+
+
+def _existing(path: Path) -> Path:
+    if not path.is_file():
+        siblings = sorted(each.name for each in path.parent.glob(f"*{path.suffix}")) if path.parent.is_dir() else []
+        raise DetectorError(f"There is no file {path}. In its folder: {choices(siblings)}.")
+    return path.absolute()
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:12]

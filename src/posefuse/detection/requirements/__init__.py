@@ -1,0 +1,1 @@
+"""Pinned packages of the environments of detectors, with hashes."""

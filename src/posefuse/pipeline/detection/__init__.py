@@ -1,0 +1,1 @@
+"""Parts of the detection of people in videos."""
