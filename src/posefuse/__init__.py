@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from posefuse.calibration.boards.calibration import BoardCalibration as BoardCalibration
     from posefuse.calibration.outcome import Refinement as Refinement
+    from posefuse.calibration.people.result import BoardShare as BoardShare
     from posefuse.calibration.people.result import PeopleCalibration as PeopleCalibration
     from posefuse.calibration.scene.calibration import SceneCalibration as SceneCalibration
     from posefuse.editing import apply_edits as apply_edits
@@ -36,15 +37,18 @@ if TYPE_CHECKING:
     from posefuse.io.keypoints.read import read_detections as read_detections
     from posefuse.io.open_recording import RecordingInputs as RecordingInputs
     from posefuse.io.options import read_options as read_options
+    from posefuse.io.project import read_run as read_run
     from posefuse.io.results.netcdf import read_reconstruction as read_reconstruction
     from posefuse.io.results.read import read_points as read_points
     from posefuse.io.results.write import write as write
     from posefuse.model.alignment import Alignment as Alignment
     from posefuse.model.board import Board as Board
     from posefuse.model.camera_covariance import CameraCovariance as CameraCovariance
+    from posefuse.model.camera_covariance import RigCovariance as RigCovariance
     from posefuse.model.cameras import Camera as Camera
     from posefuse.model.cameras import CameraRig as CameraRig
     from posefuse.model.cameras import LensModel as LensModel
+    from posefuse.model.clock_evidence import ClockEvidence as ClockEvidence
     from posefuse.model.detections import Detections as Detections
     from posefuse.model.findings import Finding as Finding
     from posefuse.model.frames import Frame as Frame
@@ -54,6 +58,7 @@ if TYPE_CHECKING:
     from posefuse.model.options.association import RptOptions as RptOptions
     from posefuse.model.options.calibration import CalibrateOptions as CalibrateOptions
     from posefuse.model.options.calibration import PeopleOptions as PeopleOptions
+    from posefuse.model.options.detection import DetectOptions as DetectOptions
     from posefuse.model.options.left_right import SideOptions as SideOptions
     from posefuse.model.options.noise import NoiseOptions as NoiseOptions
     from posefuse.model.options.options import Options as Options
@@ -67,6 +72,7 @@ if TYPE_CHECKING:
     from posefuse.model.options.postprocess import PostprocessOptions as PostprocessOptions
     from posefuse.model.options.postprocess import SavgolOptions as SavgolOptions
     from posefuse.model.options.refinement import RefineOptions as RefineOptions
+    from posefuse.model.options.run import RunOptions as RunOptions
     from posefuse.model.options.specification import SpecificationOptions as SpecificationOptions
     from posefuse.model.options.stream import StreamOptions as StreamOptions
     from posefuse.model.options.subject import SubjectOptions as SubjectOptions
@@ -104,15 +110,27 @@ if TYPE_CHECKING:
     from posefuse.pipeline.calibrate_scene import calibrate_scene as calibrate_scene
     from posefuse.pipeline.calibration_report import write_calibration_report as write_calibration_report
     from posefuse.pipeline.compare_methods import compare_methods as compare_methods
+    from posefuse.pipeline.contact_sheet import write_contact_sheet as write_contact_sheet
+    from posefuse.pipeline.detect import detect as detect
     from posefuse.pipeline.diagnose import inspect_health as inspect_health
     from posefuse.pipeline.diagnose import measure_sync as measure_sync
     from posefuse.pipeline.evaluate_files import evaluate_files as evaluate_files
+    from posefuse.pipeline.place_calibration import place_calibration as place_calibration
     from posefuse.pipeline.recalibrate import recalibrate as recalibrate
     from posefuse.pipeline.reconstruct import reconstruct as reconstruct
     from posefuse.pipeline.reconstruct import triangulate as triangulate
     from posefuse.pipeline.reconstruct_recording import Outcome as Outcome
     from posefuse.pipeline.reconstruct_recording import reconstruct_recording as reconstruct_recording
     from posefuse.pipeline.refine_calibration import refine_calibration as refine_calibration
+    from posefuse.pipeline.report_videos import write_report as write_report
+    from posefuse.pipeline.run.recipe import RunOutcome as RunOutcome
+    from posefuse.pipeline.run.recipe import plan_run as plan_run
+    from posefuse.pipeline.run.recipe import run as run
+    from posefuse.pipeline.sync_evidence import Synchronization as Synchronization
+    from posefuse.pipeline.sync_evidence import sound_evidence as sound_evidence
+    from posefuse.pipeline.sync_evidence import synchronize as synchronize
+    from posefuse.pipeline.sync_recording import SyncRequest as SyncRequest
+    from posefuse.pipeline.sync_recording import sync_recording as sync_recording
     from posefuse.pipeline.track_live import Tracker as Tracker
     from posefuse.preprocess.timeline import align_views as align_views
     from posefuse.skeleton.skeletons import Skeleton as Skeleton
@@ -128,7 +146,7 @@ if TYPE_CHECKING:
 
 _PUBLIC = {
     "calibration.boards.calibration": ("BoardCalibration",),
-    "calibration.people.result": ("PeopleCalibration",),
+    "calibration.people.result": ("BoardShare", "PeopleCalibration"),
     "calibration.outcome": ("Refinement",),
     "calibration.scene.calibration": ("SceneCalibration",),
     "editing": ("apply_edits",),
@@ -143,13 +161,15 @@ _PUBLIC = {
     "io.keypoints.read": ("read_detections",),
     "io.open_recording": ("RecordingInputs",),
     "io.options": ("read_options",),
+    "io.project": ("read_run",),
     "io.results.netcdf": ("read_reconstruction",),
     "io.results.read": ("read_points",),
     "io.results.write": ("write",),
     "model.alignment": ("Alignment",),
     "model.board": ("Board",),
-    "model.camera_covariance": ("CameraCovariance",),
+    "model.camera_covariance": ("CameraCovariance", "RigCovariance"),
     "model.cameras": ("Camera", "CameraRig", "LensModel"),
+    "model.clock_evidence": ("ClockEvidence",),
     "model.detections": ("Detections",),
     "model.findings": ("Finding",),
     "model.frames": ("Frame",),
@@ -157,6 +177,7 @@ _PUBLIC = {
     "model.options.alignment": ("AlignOptions",),
     "model.options.association": ("AssociationOptions", "RptOptions"),
     "model.options.calibration": ("CalibrateOptions", "PeopleOptions"),
+    "model.options.detection": ("DetectOptions",),
     "model.options.left_right": ("SideOptions",),
     "model.options.noise": ("NoiseOptions",),
     "model.options.options": ("Options",),
@@ -171,6 +192,7 @@ _PUBLIC = {
         "SavgolOptions",
     ),
     "model.options.refinement": ("RefineOptions",),
+    "model.options.run": ("RunOptions",),
     "model.options.specification": ("SpecificationOptions",),
     "model.options.stream": ("StreamOptions",),
     "model.options.subject": ("SubjectOptions",),
@@ -207,12 +229,19 @@ _PUBLIC = {
     "pipeline.calibrate_scene": ("calibrate_scene",),
     "pipeline.calibration_report": ("write_calibration_report",),
     "pipeline.compare_methods": ("compare_methods",),
+    "pipeline.detect": ("detect",),
+    "pipeline.contact_sheet": ("write_contact_sheet",),
     "pipeline.diagnose": ("inspect_health", "measure_sync"),
     "pipeline.evaluate_files": ("evaluate_files",),
+    "pipeline.place_calibration": ("place_calibration",),
     "pipeline.recalibrate": ("recalibrate",),
     "pipeline.reconstruct": ("reconstruct", "triangulate"),
     "pipeline.reconstruct_recording": ("Outcome", "reconstruct_recording"),
     "pipeline.refine_calibration": ("refine_calibration",),
+    "pipeline.report_videos": ("write_report",),
+    "pipeline.sync_evidence": ("sound_evidence", "Synchronization", "synchronize"),
+    "pipeline.sync_recording": ("sync_recording", "SyncRequest"),
+    "pipeline.run.recipe": ("plan_run", "run", "RunOutcome"),
     "pipeline.track_live": ("Tracker",),
     "preprocess.timeline": ("align_views",),
     "skeleton.skeletons": ("find_skeleton", "Skeleton"),

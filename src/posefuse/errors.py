@@ -8,6 +8,7 @@
     ├── RecordingError     a folder holds no recording, or several
     ├── CameraError        a camera or rig is invalid
     ├── DetectionsError    2D keypoints are invalid
+    ├── DetectorError      a detector is unknown, is not installed, or fails
     ├── SkeletonError      keypoint names do not match a skeleton
     ├── MatchError         cameras and views do not match
     ├── OptionsError       an option does not exist, or its value is invalid
@@ -53,6 +54,10 @@ class CameraError(PosefuseError):
 
 class DetectionsError(PosefuseError):
     """2D keypoints are invalid."""
+
+
+class DetectorError(PosefuseError):
+    """A detector is unknown, is not installed, or fails."""
 
 
 class SkeletonError(PosefuseError):

@@ -83,7 +83,7 @@ def aligned_rig(rig: CameraRig, alignment: Alignment) -> CameraRig:
     cameras = tuple(_camera(camera, alignment) for camera in rig.cameras)
     scaled = replace(rig, cameras=cameras, meters_per_unit=rig.meters_per_unit * alignment.scale)
     if alignment.scale != 1.0:
-        scaled = replace(scaled, covariances=())
+        scaled = replace(scaled, covariances=(), correlation=None)
     return scaled.with_up(alignment.up_axis, alignment.inferred_up)
 
 

@@ -7,7 +7,9 @@ from typing import Self
 import numpy as np
 
 from posefuse.arrays import ranges
+from posefuse.association.common_volume import time_in_common_volume
 from posefuse.errors import DetectionsError
+from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.options.options import Pick
 from posefuse.model.tracks import Tracks, TrackState
@@ -120,10 +122,11 @@ def lone_detections(detections: Detections) -> SingleSubject:
     )
 
 
-def longest_subject(detections: Detections, tracks: Tracks) -> SingleSubject:
-    """Return the tracked person whom the cameras see longest: the one with the most detections in all views.
+def longest_subject(rig: CameraRig, detections: Detections, tracks: Tracks) -> SingleSubject:
+    """Return the tracked person who stays longest in the common volume of the cameras; of equals, the most detected.
 
     Args:
+        rig: One camera per view.
         detections: Detections of the recording.
         tracks: Everyone's tracks in all frames.
 
@@ -136,12 +139,13 @@ def longest_subject(detections: Detections, tracks: Tracks) -> SingleSubject:
             "Views show several people, but no person was tracked, so the subject is unknown. Use `pick='largest'` or "
             "`pick='track-id'`."
         )
-    counts = (detection >= 0).sum(axis=(0, 2))
-    best = int(np.argmax(counts))
-    share = (detection[:, best] >= 0).mean()
+    volume = time_in_common_volume(rig, detections, tracks)
+    order = np.lexsort((-(detection >= 0).sum(axis=(0, 2)), -volume.share))
+    best = int(order[0])
+    others = f"; the next of the {len(order)} tracked people {volume.share[order[1]]:.0%}" if len(order) > 1 else ""
     note = (
-        f"people = 'one': the subject is the person whom the cameras see longest ({share:.0%} of all frames of all "
-        f"views), out of {len(counts)} tracked people. `pick` selects the subject in another way."
+        f"people = 'one': the subject stays longest in the common volume: {volume.share[best]:.0%} of the time in "
+        f"sight of {volume.n_views} cameras{others}. `pick` selects the subject in another way."
     )
     return SingleSubject(
         detections, None, longest_track_ids(detections), assigned=detection[:, best].astype(np.int32), note=note

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 Source = Annotated[
     Path | None,
     Parameter(
-        help="With --board: folder with one video, or one folder of pictures, per camera. Without it: folder of a "
-        "recording with 2D keypoints of people."
+        help="Folder of videos or folders of pictures of a --board, one per camera, or of 2D keypoints of people, or "
+        "of both."
     ),
 ]
 CalibrationOutput = Annotated[
@@ -44,20 +44,20 @@ class CalibrationInputs:
     ] = None
     scene_points: Annotated[
         Path | None,
-        Parameter(
-            help="TOML or CSV file of points of known position and their places in the image of each camera; the poses "
-            "of the cameras follow from them."
-        ),
+        Parameter(help="TOML or CSV file of points of known position and their places in the image of each camera."),
     ] = None
-    intrinsics: Annotated[
-        Path | None, Parameter(help="Calibration file with known lenses; lenses that it lacks are estimated.")
+    origin_points: Annotated[
+        Path | None,
+        Parameter(help="File of known points that define the world."),
     ] = None
+    intrinsics: Annotated[Path | None, Parameter(help="Calibration file with known lenses; others are estimated.")] = (
+        None
+    )
     earlier: Annotated[
         Path | None,
         Parameter(
             name="--from",
-            help="Earlier calibration of these cameras, some of which were moved since: its lenses are used, its world "
-            "is kept, and the cameras that moved are named.",
+            help="Earlier calibration of these cameras, some of which were moved since; its lenses and world are kept.",
         ),
     ] = None
     keypoints: KeypointsPath = None
@@ -85,6 +85,8 @@ def calibrate(
     page = output.with_suffix(".html") if report and inputs.scene_points is None else None
     _check_outputs(output, page, overwrite=overwrite)
     if inputs.scene_points is not None:
+        if inputs.origin_points is not None:
+            raise CalibrationError("The scene points define the world already: remove `origin_points`.")
         rig = _by_scene(inputs.scene_points, recording, inputs, options)
     else:
         rig = _by_target(recording, inputs, options, people, page)
@@ -121,15 +123,17 @@ def _by_target(
             "`scene_points`."
         )
     if inputs.earlier is not None:
-        again = _from_earlier(recording, inputs.earlier, inputs, options)
-        if page is not None:
-            write_calibration_report(again, page)
-        return again.rig
-    result: BoardCalibration | PeopleCalibration = run(
-        recording, inputs.board, intrinsics=inputs.intrinsics, keypoints=inputs.keypoints,
-        timestamps=inputs.timestamps, options=None if options == CalibrateOptions() else options,
-        people=None if people == PeopleOptions() else people, progress=Bars(),
-    )  # fmt: skip
+        result = _from_earlier(recording, inputs.earlier, inputs, options, people)
+    else:
+        result = run(
+            recording, inputs.board, intrinsics=inputs.intrinsics, keypoints=inputs.keypoints,
+            timestamps=inputs.timestamps, options=None if options == CalibrateOptions() else options,
+            people=None if people == PeopleOptions() else people, progress=Bars(),
+        )  # fmt: skip
+    if inputs.origin_points is not None:
+        from posefuse.pipeline.place_calibration import place_calibration
+
+        result = place_calibration(result, inputs.origin_points)
     if isinstance(result, PeopleCalibration):
         describe_people(result)
     else:
@@ -140,18 +144,18 @@ def _by_target(
 
 
 def _from_earlier(
-    images: Path, earlier: Path, inputs: CalibrationInputs, options: CalibrateOptions
-) -> BoardCalibration:
-    """Calibrate after cameras were moved, and print the result."""
+    recording: Path, earlier: Path, inputs: CalibrationInputs, options: CalibrateOptions, people: PeopleOptions
+) -> BoardCalibration | PeopleCalibration:
+    """Calibrate after cameras were moved."""
     from posefuse.pipeline.recalibrate import recalibrate
 
-    if inputs.board is None:
-        raise CalibrationError("An earlier calibration is brought up to date by images of a board: add `board`.")
     if inputs.intrinsics is not None:
         raise CalibrationError("The lenses are those of the earlier calibration: remove `intrinsics`.")
-    result = recalibrate(images, inputs.board, earlier, timestamps=inputs.timestamps, options=options, progress=Bars())
-    describe_board(result)
-    return result
+    return recalibrate(
+        recording, inputs.board, earlier, keypoints=inputs.keypoints, timestamps=inputs.timestamps,
+        options=None if options == CalibrateOptions() else options,
+        people=None if people == PeopleOptions() else people, progress=Bars(),
+    )  # fmt: skip
 
 
 def _check_outputs(output: Path, page: Path | None, *, overwrite: bool) -> None:

@@ -11,7 +11,16 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TaskID,
+    TextColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
 from rich.text import Text
 
@@ -34,16 +43,33 @@ out = _Pipe(highlight=False, soft_wrap=False)
 err = _Pipe(stderr=True, highlight=False)
 
 
+class _SpeedColumn(ProgressColumn):
+    """Shows how many units of work are done per second."""
+
+    def __init__(self, unit: str) -> None:
+        super().__init__()
+        self._unit = unit
+
+    def render(self, task: Task) -> Text:
+        """Return the text of a stage."""
+        return Text("" if task.speed is None else f"{task.speed:.1f} {self._unit}/s")
+
+
 class Bars:
-    """Progress bars, shown once a stage takes longer than a second; implements the progress protocol."""
+    """Progress bars, shown once a stage takes longer than a second; implements the progress protocol.
+
+    Args:
+        unit: unit of work whose number per second is shown; empty to show none.
+    """
 
     _DELAY_S = 1.0
 
-    def __init__(self) -> None:
+    def __init__(self, unit: str = "") -> None:
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
             MofNCompleteColumn(),
+            *([_SpeedColumn(unit)] if unit else []),
             TimeRemainingColumn(),
             console=err,
             transient=True,

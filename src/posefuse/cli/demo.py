@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from posefuse.cli.console import Bars, say
+from posefuse.cli.console import Bars, note, say
 from posefuse.cli.types import Overwrite
 
 _STAMP = "demo.txt"
@@ -32,16 +32,21 @@ def demo(
     from posefuse.io.files import replacing, replacing_folder
     from posefuse.io.outputs import check_new_folder
     from posefuse.pipeline.reconstruct_recording import reconstruct_recording
-    from posefuse.synthetic.options import SceneOptions
+    from posefuse.synthetic.options import CURRENT, SceneOptions
     from posefuse.synthetic.scenes import simulate
 
     recording, result = output / "recording", output / "result"
     check_new_folder(output, overwrite=overwrite or (output / _STAMP).is_file())
     with replacing(output / _STAMP) as temporary:
         temporary.write_text(_NOTE, "utf-8")
-    say("Simulating a person who walks, turns, reaches, sits and jumps")
+    say("Simulating a person who walks, turns, reaches, sits and jumps, and five cameras with a detector like RTMPose")
+    note(
+        f"Errors of the detector: 2.25 px per 1000 px of image width and axis at confidence 1, heavy tails, "
+        f"{CURRENT.outlier_share:.1%} outliers, {CURRENT.miss_share:.0%} missed, {CURRENT.swap_share:.2%} limbs with "
+        "left and right exchanged: half of what was measured on OpenPose (posefuse simulate)."
+    )
     with replacing_folder(recording, marker=TRUTH, owned=(TRUTH,)) as staging:
-        write_scene(simulate(SceneOptions(seed=seed)), staging)
+        write_scene(simulate(SceneOptions(seed=seed, detector=CURRENT)), staging)
     say("Reconstructing")
     describe_result(reconstruct_recording(recording, result, overwrite=True, progress=Bars()).open())
     evaluate(result, (recording / TRUTH,), numbers=NumbersFile(overwrite=True))

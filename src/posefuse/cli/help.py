@@ -16,6 +16,12 @@ from posefuse.model.options.stream import StreamOptions
 OPTIONS_GROUP = "Options"
 """Title of the group of flags that set fields of the options record."""
 
+RECONSTRUCTION_GROUP = "Options of the reconstruction"
+"""Title of the same group in a command that has many other flags."""
+
+_MOST_COMMON = ("people", "bodies", "pick", "person", "skeleton", "up", "solve", "align.floor")
+"""Options that such a command shows."""
+
 STREAM_GROUP = "Stream"
 """Title of the group of flags that set fields of the stream options."""
 
@@ -40,7 +46,10 @@ class HelpFormatter:
         title = Text.from_ansi(_plain(console, panel.title))
         title.stylize("bold")
         console.print(title)
-        labels = [_label(entry, self.show_all or str(panel.title) != OPTIONS_GROUP) for entry in entries]
+        labels = [
+            _label(entry, self.show_all or str(panel.title) not in (OPTIONS_GROUP, RECONSTRUCTION_GROUP))
+            for entry in entries
+        ]
         fitting = [len(label) for label in labels if len(label) <= _MAX_LABEL]
         width = max([_MIN_LABEL, *fitting])
         for entry, label in zip(entries, labels, strict=True):
@@ -53,6 +62,8 @@ class HelpFormatter:
         if self.show_all:
             return True
         option = _option_of(panel, entry)
+        if option is not None and str(panel.title) == RECONSTRUCTION_GROUP:
+            return option.name in _MOST_COMMON
         return not any("." in name for name in entry.positive_names) if option is None else option.bounds.common
 
     def _text(self, console: Console, panel: HelpPanel, entry: HelpEntry) -> str:
@@ -88,7 +99,7 @@ class HelpFormatter:
 
 def _option_of(panel: HelpPanel, entry: HelpEntry) -> OptionEntry | None:
     """Return the option of a reconstruction or a stream that a help entry describes, or None."""
-    if str(panel.title) not in (OPTIONS_GROUP, STREAM_GROUP):
+    if str(panel.title) not in (OPTIONS_GROUP, RECONSTRUCTION_GROUP, STREAM_GROUP):
         return None
     for name in entry.positive_names:
         option = _entries().get(name.removeprefix("--").replace("-", "_"))

@@ -9,10 +9,19 @@ from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, count, note, percent, say, table, warn
 from posefuse.cli.findings import AcceptFindings, exit_on_certain_faults
-from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Recording, TimestampsPath
+from posefuse.cli.types import (
+    CalibrationPath,
+    KeypointsPath,
+    OptionFlags,
+    Recording,
+    SyncPath,
+    TimestampsPath,
+    with_sync,
+)
 from posefuse.errors import PosefuseError, RecordingError, choices
 from posefuse.io.open_recording import keypoint_request
 from posefuse.io.recording import RecognizedInput, find_recording, ignored_in
+from posefuse.io.videos_only import videos_only
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.findings import Finding
@@ -36,6 +45,7 @@ def inspect(
     calibration: CalibrationPath = None,
     keypoints: KeypointsPath = None,
     timestamps: TimestampsPath = None,
+    sync: SyncPath = None,
     deep: Annotated[bool, Parameter(negative="", help="Check the recording for faults by its detections.")] = False,
     accept_findings: AcceptFindings = False,
     options: OptionFlags = Options(),  # noqa: B008
@@ -45,9 +55,12 @@ def inspect(
     With --deep, also check the recording for faults: moved cameras, time offsets, rotated images, and more. The exit
     code is then 3 if a fault is certain that makes results wrong; --accept-findings makes it 0.
     """
+    options = with_sync(options, sync)
     found = find_recording(recording)
     calibrations = found.calibrations if calibration is None else (_given(calibration, calibration=True),)
     keypoint_sets = found.keypoints if keypoints is None else (_given(keypoints, calibration=False),)
+    if not keypoint_sets and not calibrations and (advice := videos_only(recording)) is not None:
+        raise RecordingError(advice)
     if not calibrations and not keypoint_sets:
         raise RecordingError(
             f"{recording} contains no calibration and no 2D keypoints in a known format. posefuse formats lists the "
@@ -60,7 +73,7 @@ def inspect(
         if (one := _keypoints(item, recording, timestamps, options)) is not None
     ]
     if not keypoint_sets:
-        say("no 2D keypoints")
+        note(videos_only(recording) or "no 2D keypoints")
     if not calibrations:
         say("no calibration")
         if len(seen) == 1 and seen[0][1].n_views == 1 and options.needs_no_poses:

@@ -34,6 +34,8 @@ app = App(
 )
 
 COMMANDS = {
+    "run": "Reconstruct people from videos: detect, calibrate, synchronize.",
+    "detect": "Detect people in videos and write their 2D keypoints.",
     "reconstruct": "Reconstruct people in 3D from a calibration and 2D keypoints.",
     "inspect": "Show what a recording's folder contains, and whether it fits.",
     "simulate": "Simulate a recording of one subject with known truth.",
@@ -45,8 +47,10 @@ COMMANDS = {
     "calibrate-noise": "Estimate the noise of a detector.",
     "calibrate": "Calibrate cameras by a board or by people.",
     "board": "Draw a calibration board to print.",
+    "detector": "Install, list or remove detectors of keypoints in videos.",
     "refine-calibration": "Refine the poses of cameras from detections.",
     "explain": "Explain the identities and points of one frame.",
+    "people": "Write a page with a picture and the name of each person.",
     "edit": "Merge, split, rename, drop or swap people of a result.",
     "report": "Write a result's report as one HTML page.",
     "view": "Open a result in the rerun viewer.",
@@ -79,8 +83,10 @@ def launch(
     if options is not None:
         from posefuse.cli.options_file import command_values
 
-        values = command_values(options, next((token for token in tokens if token in COMMANDS), None))
-        app.config = (DictConfig(values, source=str(options), use_commands_as_keys=False, allow_unknown=True),)
+        command = next((token for token in tokens if token in COMMANDS), None)
+        # Below the name of the command, because the parser ignores keys that are names of commands, such as people.
+        values = {} if command is None else {command: command_values(options, command)}
+        app.config = (DictConfig(values, source=str(options), allow_unknown=True),)
     return app(_joined(tokens), exit_on_error=False, print_error=False, result_action="return_value")
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from posefuse.io.files import read_toml
 from posefuse.io.options import PROJECT_KEYS, read_project
+from posefuse.io.project import RUN_TABLE, read_run
 
 _PATHS_OF_COMMAND = {
     "reconstruct": PROJECT_KEYS,
@@ -33,7 +34,12 @@ def command_values(path: Path, command: str | None) -> dict[str, Any]:
     written = read_toml(path)
     for key in PROJECT_KEYS:
         written.pop(key, None)
+    of_run = written.pop(RUN_TABLE, {})
     values = _set_values(dataclasses.asdict(options), written)
+    # --sync FILE is a flag of its own beside the table.
+    values |= {f"sync.{key}": value for key, value in values.pop("sync", {}).items()}
+    if command == "run":
+        values |= _set_values(dataclasses.asdict(read_run(path)[0]), of_run)
     for key in _PATHS_OF_COMMAND.get(command or "", ()):
         value = getattr(paths, key)
         if value is not None:

@@ -19,6 +19,7 @@ from posefuse.cli.types import (
     Overwrite,
     Recording,
     SyncPath,
+    with_sync,
 )
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import Smoother
@@ -82,11 +83,7 @@ def reconstruct(
     """
     from posefuse.pipeline.reconstruct_recording import reconstruct_recording
 
-    options = shortcuts.applied_to(options)
-    if inputs.sync is not None:
-        from posefuse.io.options import read_sync
-
-        options = replace(options, sync=read_sync(inputs.sync))
+    options = with_sync(shortcuts.applied_to(options), inputs.sync)
     outcome = reconstruct_recording(
         recording,
         output,

@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from posefuse.calibration.outcome import CameraOutcome, Refinement
 from posefuse.cli.console import Bars, count, note, percent, say, table
-from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Overwrite, Recording
+from posefuse.cli.types import OptionFlags, Overwrite, Recording, SyncedInputFlags, SyncedInputs, with_sync
 from posefuse.model.options.options import Options
 from posefuse.model.options.refinement import Refine, RefineOptions
 
@@ -25,7 +25,7 @@ class RefineFlags:
     ] = "extrinsics"
     fix: Annotated[Names, Parameter(help="Cameras that are not refined and define the world.")] = ()
     relocate: Annotated[Names, Parameter(help="Cameras to locate without their initial poses.")] = ()
-    seed: Annotated[int, Parameter(help="Random seed of the samples that locate cameras.")] = 0
+    seed: Annotated[int, Parameter(help="Random seed for locating cameras.")] = 0
 
 
 def refine_calibration(
@@ -38,8 +38,7 @@ def refine_calibration(
             help="Calibration file to write: name.qca.txt if the input is Qualisys', else name.toml.",
         ),
     ],
-    calibration: CalibrationPath = None,
-    keypoints: KeypointsPath = None,
+    inputs: SyncedInputs = SyncedInputFlags(),  # noqa: B008
     source: Annotated[
         Literal["keypoints", "board"],
         Parameter(name="--from", help="Refine by the keypoints of a moving subject, or by the corners of a board."),
@@ -53,13 +52,18 @@ def refine_calibration(
     The input calibration is not changed. Cameras that cannot be refined are left out by name.
     """
     from posefuse.cli.verdict import say_verdict
-    from posefuse.io.open_recording import RecordingInputs
     from posefuse.pipeline.refine_recording import refine_recording
 
     chosen = RefineOptions(refining.refine, refining.fix, refining.relocate, seed=refining.seed)
-    inputs = RecordingInputs(calibration, keypoints)
     result, form = refine_recording(
-        recording, output, options, chosen, source=source, inputs=inputs, overwrite=overwrite, progress=Bars()
+        recording,
+        output,
+        with_sync(options, inputs.sync),
+        chosen,
+        source=source,
+        inputs=inputs.paths(),
+        overwrite=overwrite,
+        progress=Bars(),
     )
     describe(result)
     note(f"Wrote {output} {form}")

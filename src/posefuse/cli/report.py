@@ -5,8 +5,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from posefuse.cli.console import Bars, note
+from posefuse.cli.console import Bars, count, note
 from posefuse.cli.types import Overwrite, PointsUnit, Result
+from posefuse.cli.videos import Offsets, Videos
 
 
 def report(
@@ -17,19 +18,25 @@ def report(
         Parameter(help="Ground truth to compare with, as in posefuse evaluate: one file, or one file per person."),
     ] = (),
     length_unit: PointsUnit = None,
+    video: Videos = (),
+    offset_s: Offsets = (),
     output: Annotated[
         Path | None, Parameter(name=["--output", "-o"], help="HTML file; by default report.html beside the result.")
     ] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Write a result's report as one HTML page that needs no network."""
+    """Write a result's report as one HTML page that needs no network.
+
+    Videos are shown beside the 3D scene with the skeleton on them, as small copies. Copies of more than 8 MB together
+    are written to a folder beside the page.
+    """
     from posefuse.alignment.apply import in_calibration_world
-    from posefuse.io.files import replacing
+    from posefuse.cli.videos import offsets_by_camera, videos_by_camera
     from posefuse.io.outputs import check_new_files
     from posefuse.io.results.comparable import pair_with_truth, truth_at_frames_of
     from posefuse.io.results.open_result import open_result
     from posefuse.pipeline.evaluate_files import score
-    from posefuse.report.html import render_report
+    from posefuse.pipeline.report_videos import write_report
 
     path, reconstruction = open_result(result)
     target = output or path.parent / "report.html"
@@ -41,6 +48,16 @@ def report(
         truth_m, accuracy = truth_at_frames_of(compared, paired), score(compared, paired)
         if reconstruction.alignment is not None:
             truth_m = reconstruction.alignment.points(truth_m)
-    with replacing(target) as temporary:
-        temporary.write_text(render_report(reconstruction, truth_m, accuracy, Bars()), "utf-8")
-    note(f"Wrote {target}")
+    written = write_report(
+        reconstruction,
+        target,
+        videos=videos_by_camera(reconstruction.rig, video),
+        offset_s=offsets_by_camera(offset_s),
+        truth_m=truth_m,
+        accuracy=accuracy,
+        overwrite=overwrite,
+        progress=Bars(),
+    )
+    note(
+        f"Wrote {target}" + (f", and {count(len(written) - 1, 'video')} in {written[1].parent}" if written[1:] else "")
+    )

@@ -1,6 +1,6 @@
 """Parameters that several commands share."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -37,6 +37,15 @@ Overwrite = Annotated[bool, Parameter(negative="", help="Replace an earlier outp
 SyncPath = Annotated[Path | None, Parameter(help="TOML file of time offsets that posefuse sync wrote.")]
 
 
+def with_sync(options: Options, path: Path | None) -> Options:
+    """Return the options with the time offsets of a file, if given."""
+    if path is None:
+        return options
+    from posefuse.io.options import read_sync
+
+    return replace(options, sync=read_sync(path))
+
+
 @dataclass(frozen=True)
 class InputFlags:
     """Flags that name the inputs of a recording."""
@@ -52,4 +61,20 @@ class InputFlags:
         return RecordingInputs(self.calibration, self.keypoints, self.timestamps, edits)
 
 
+@dataclass(frozen=True)
+class SyncedInputFlags:
+    """Flags that name the inputs of a recording without frame times, and earlier time offsets."""
+
+    calibration: CalibrationPath = None
+    keypoints: KeypointsPath = None
+    sync: SyncPath = None
+
+    def paths(self) -> "RecordingInputs":
+        """Return the paths of the inputs."""
+        from posefuse.io.open_recording import RecordingInputs
+
+        return RecordingInputs(self.calibration, self.keypoints)
+
+
+SyncedInputs = Annotated[SyncedInputFlags, Parameter(name="*")]
 Inputs = Annotated[InputFlags, Parameter(name="*")]

@@ -46,6 +46,30 @@ def videos_by_camera(rig: CameraRig, given: Sequence[str]) -> dict[str, Path]:
     return videos
 
 
+def files_by_name(given: Sequence[str]) -> dict[str, Path]:
+    """Return the videos that entries CAMERA=FILE name; the videos of a folder are named after their files.
+
+    Raises:
+        OptionsError: if an entry is neither, or a camera has two videos.
+    """
+    from posefuse.io.videos.find import find_videos
+
+    videos: dict[str, Path] = {}
+    for text in given:
+        name, mark, path = text.partition("=")
+        if Path(text).is_dir():
+            pairs = {file.stem: file for file in find_videos(Path(text))}
+        elif mark:
+            pairs = {name: Path(path)}
+        else:
+            raise OptionsError(f"--video {text}: expected CAMERA=FILE, such as cam1={text}, or a folder of videos.")
+        for camera, file in pairs.items():
+            if camera in videos:
+                raise OptionsError(f"--video names two videos of camera {camera!r}: {videos[camera]} and {file}.")
+            videos[camera] = file
+    return videos
+
+
 def _of_folder(rig: CameraRig, folder: Path) -> dict[str, Path]:
     from posefuse.model.view_names import plain_name
 

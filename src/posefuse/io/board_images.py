@@ -58,7 +58,7 @@ def find_images(folder: Path) -> tuple[ViewImages, ...]:
     must_exist(folder, "folder of images")
     if folder.is_file():
         return (ViewImages(folder.stem, (folder,), is_video=folder.suffix.lower() in VIDEO_ENDINGS),)
-    sets = _image_sets(folder)
+    sets = find_sets(folder)
     if len(sets) == 1:
         return sets[0][1]
     if not sets:
@@ -70,8 +70,8 @@ def find_images(folder: Path) -> tuple[ViewImages, ...]:
     raise RecordingError(f"{folder} has {len(sets)} sets of images. Give the folder of one:{listed}")
 
 
-def _image_sets(folder: Path) -> list[tuple[Path, tuple[ViewImages, ...]]]:
-    """Return the sets of images below a folder, with the folder of each."""
+def find_sets(folder: Path) -> list[tuple[Path, tuple[ViewImages, ...]]]:
+    """Return the sets of images in a folder and below it, with the folder of each."""
     sets: list[tuple[Path, tuple[ViewImages, ...]]] = []
     for place in _folders(folder):
         videos = _files(place, VIDEO_ENDINGS)
@@ -95,13 +95,22 @@ def find_board_folder(recording: Path) -> Path | None:
     """
     start = recording.resolve()
     for level in [start, *start.parents][:_MAX_LEVELS]:
-        names = _BOARD_FOLDERS if level == start else _BOARD_FOLDERS[:1]
         if level.is_dir():
             with contextlib.suppress(OSError):
                 for inside in _subfolders(level):
-                    if inside.name.lower().startswith(names) and _image_sets(inside):
+                    if is_board_folder(inside.name, alone=level != start) and find_sets(inside):
                         return inside
     return None
+
+
+def is_board_folder(name: str, *, alone: bool = False) -> bool:
+    """Return whether a folder is named like one with images of a board; ``alone``: also outside of a recording."""
+    return name.lower().startswith(_BOARD_FOLDERS[:1] if alone else _BOARD_FOLDERS)
+
+
+def pictures_in(folder: Path) -> tuple[Path, ...]:
+    """Return the pictures in a folder in natural order."""
+    return _files(folder, PICTURE_ENDINGS)
 
 
 def _kind(views: tuple[ViewImages, ...]) -> str:

@@ -6,30 +6,15 @@ written is computed again.
 
 import contextlib
 import os
-import sys
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 
 from posefuse.errors import FileError
+from posefuse.folders import cache_folder
 from posefuse.io.files import read_npz, replacing
 
 _MOST_FILES = 500
-
-
-def cache_folder() -> Path:
-    """Return the cache folder of posefuse, which need not exist."""
-    given = os.environ.get("POSEFUSE_CACHE")
-    if given:
-        return Path(given)
-    if sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
-    elif sys.platform == "darwin":
-        base = Path.home() / "Library" / "Caches"
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return base / "posefuse"
 
 
 def read_cached(kind: str, key: str, names: tuple[str, ...]) -> dict[str, np.ndarray] | None:

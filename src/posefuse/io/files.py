@@ -256,6 +256,9 @@ RESULT_FILES = (
 )  # fmt: skip
 """Patterns of the files of a result folder."""
 
+RUN_FILE = "run.json"
+"""File that identifies the output of a run from videos, and states which stages are finished."""
+
 CHECKPOINT_FOLDER = ".parts"
 """Subfolder of a result with the checkpoints of a long reconstruction. See :mod:`posefuse.io.checkpoints`."""
 

@@ -27,7 +27,7 @@ _READ_SUFFIXES = (
     ".nc",
     ".slp",
 )
-_MEDIA_REASON = "images and videos; posefuse reads 2D keypoints, not images"
+_MEDIA_REASON = "images and videos; posefuse run detects people in videos"
 _THREE_D_REASON = "3D results; 2D keypoints are read"
 _SETTINGS_REASON = "settings: the frame rate and pose model apply to keypoints below this folder"
 _LENS_REASON = "intrinsics only: camera poses are missing"

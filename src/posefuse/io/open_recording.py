@@ -8,7 +8,7 @@ from posefuse.arguments import checked
 from posefuse.errors import DetectionsError
 from posefuse.io.calibration.read import read_cameras
 from posefuse.io.files import files_at, must_exist
-from posefuse.io.keypoints.read import read_keypoints
+from posefuse.io.keypoints.read import detected_keypoints, read_keypoints
 from posefuse.io.keypoints.request import Request
 from posefuse.io.recording import choose_timestamps, find_inputs
 from posefuse.io.timestamps import read_timestamps
@@ -116,7 +116,7 @@ def calibration_and_keypoints(
     """
     found = find_inputs(folder, inputs.calibration, inputs.keypoints, options)
     calibration = None if found.calibration is None else must_exist(found.calibration, "calibration")
-    return calibration, found.keypoints
+    return calibration, detected_keypoints(found.keypoints)
 
 
 def keypoint_request(

@@ -65,6 +65,8 @@ def read_project(path: str | Path) -> tuple[Options, ProjectPaths]:
     """
     path = must_exist(Path(path), "options file")
     data = read_toml(path)
+    # Options of posefuse run, which writes them beside those that all commands share.
+    data.pop("run", None)
     paths = {}
     for key in PROJECT_KEYS:
         if key in data:
@@ -85,12 +87,17 @@ def options_from_dict(data: Mapping[str, Any], source: str) -> Options:
     Raises:
         OptionsError: on unknown keys or invalid values; one message names them all.
     """
+    return record_from_dict(Options, data, source)
+
+
+def record_from_dict(kind: type[T], data: Mapping[str, Any], source: str) -> T:
+    """Return the record of options in nested tables; arguments and errors as of :func:`options_from_dict`."""
     problems: list[str] = []
-    options = _record(Options, data, "", problems)
+    record = _record(kind, data, "", problems)
     if problems:
         raise OptionsError("\n".join(f"{source}: {problem}" for problem in problems))
-    assert options is not None
-    return options
+    assert record is not None
+    return record
 
 
 def stored_options(data: Mapping[str, Any], source: str) -> Options:

@@ -1,17 +1,32 @@
-"""Read-ahead of many small files in threads, which hides the latency of the disk from the parser."""
+"""Read-ahead in threads, of many small files, which hides the latency of the disk from the parser, or of any items."""
 
 import os
 from collections import deque
 from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
+from typing import TypeVar
 
 from posefuse.errors import FileError
+
+Item = TypeVar("Item")
 
 _THREADS = 4
 _BATCH_FILES = 100
 _MAX_BATCHES = 8
 """Number of batches held in memory. More threads are not faster."""
+
+
+def read_ahead(items: Iterator[Item], most: int) -> Generator[Item]:
+    """Yield items, of which the next ones, ``most`` at a time, are made in another thread; none of them is None."""
+    thread = ThreadPoolExecutor(1, "posefuse-read")
+    pending: deque[Future[Item | None]] = deque(thread.submit(next, items, None) for _ in range(most))
+    try:
+        while (item := pending.popleft().result()) is not None:
+            pending.append(thread.submit(next, items, None))
+            yield item
+    finally:
+        thread.shutdown(cancel_futures=True)
 
 
 def contents(folder: Path, names: Sequence[str]) -> Generator[bytes]:

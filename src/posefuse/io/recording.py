@@ -13,7 +13,7 @@ from posefuse.io.board_images import find_board_folder
 from posefuse.io.board_specs import EXAMPLE
 from posefuse.io.calibration.read import find_format as calibration_format
 from posefuse.io.calibration.read import read_cameras
-from posefuse.io.files import files_at, must_exist, natural_key, read_npz
+from posefuse.io.files import RUN_FILE, files_at, must_exist, natural_key, read_npz
 from posefuse.io.ignored_files import Ignored, find_ignored
 from posefuse.io.keypoints import deepfly, openpose
 from posefuse.io.keypoints.format import KeypointFormat
@@ -23,6 +23,7 @@ from posefuse.io.keypoints.read import find_format as keypoint_format
 from posefuse.io.keypoints.read import has_times, read_keypoints
 from posefuse.io.keypoints.registry import KEYPOINTS
 from posefuse.io.keypoints.request import Request
+from posefuse.io.videos_only import videos_only
 from posefuse.model.options.options import Options
 
 CALIBRATION_FILE = "calibration.toml"
@@ -125,6 +126,8 @@ def find_inputs(
     if calibration is not None and keypoints is not None:
         return InputPaths(calibration, keypoints)
     recording, problems = find_recording(folder), []
+    if keypoints is None and not recording.keypoints and (advice := videos_only(folder)) is not None:
+        raise RecordingError(advice)
     candidates = [keypoints] if keypoints is not None else [item.path for item in recording.keypoints]
     absent = calibration is None and not recording.calibrations and next(_broken_calibrations(folder), None) is None
     if absent and len(candidates) == 1 and _is_flat(candidates[0], options or Options()):
@@ -206,6 +209,8 @@ def choose_keypoints(recording: Recording) -> Path:
     Raises:
         RecordingError: If it has none, or more than one.
     """
+    if not recording.keypoints and (advice := videos_only(recording.folder)) is not None:
+        raise RecordingError(advice)
     return _choose(recording.keypoints, recording, "sets of 2D keypoints", "keypoints")
 
 
@@ -246,7 +251,10 @@ def _entries(folder: Path) -> list[Path]:
         # The projected points in a result folder are not a recording.
         return []
     try:
-        entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
+        # Nor is the output of a run, which may lie in the recording.
+        entries = [
+            entry for entry in folder.iterdir() if not (entry.name.startswith(".") or (entry / RUN_FILE).exists())
+        ]
     except OSError:
         return []
     return sorted(entries, key=lambda entry: natural_key(entry.name))

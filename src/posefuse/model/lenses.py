@@ -48,3 +48,7 @@ def lens_from_opencv(
     if any(padded):
         return LensModel.BROWN, padded[:5]
     return LensModel.PINHOLE, ()
+
+
+N_COEFFICIENTS = {LensModel.PINHOLE: 0, LensModel.BROWN: 5, LensModel.RATIONAL: 8, LensModel.FISHEYE: 4}
+"""Number of distortion coefficients of each lens model."""

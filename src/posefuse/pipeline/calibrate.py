@@ -1,6 +1,5 @@
 """Calibrate cameras by a board, or by the people that they film."""
 
-from dataclasses import fields
 from pathlib import Path
 from typing import overload
 
@@ -8,11 +7,15 @@ from posefuse.arguments import checked
 from posefuse.calibration.boards.calibration import BoardCalibration
 from posefuse.calibration.people.result import PeopleCalibration
 from posefuse.errors import OptionsError
+from posefuse.io.board_images import find_board_folder
+from posefuse.io.recording import find_recording
 from posefuse.model.board import Board
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.options.calibration import CalibrateOptions, PeopleOptions
-from posefuse.progress import Progress
+from posefuse.pipeline.calibrate_people import PeopleSource
+from posefuse.pipeline.refuse_options import refuse_options
+from posefuse.progress import Progress, Silent
 
 
 @overload
@@ -22,7 +25,9 @@ def calibrate(
     *,
     intrinsics: CameraRig | str | Path | None = None,
     timestamps: str | Path | None = None,
+    keypoints: None = None,
     options: CalibrateOptions | None = None,
+    people: None = None,
     progress: Progress | None = None,
 ) -> BoardCalibration: ...
 
@@ -70,10 +75,11 @@ def calibrate(
 
     Args:
         recording: with a board: folder with one video, or one folder of pictures, per camera; without one: folder of a
-            recording with 2D keypoints, or keypoints in memory.
+            recording with 2D keypoints, or keypoints in memory. A folder with both, or ``keypoints`` beside images of a
+            board, is calibrated by the board and the people in one estimate.
         board: the board, its description such as ``charuco:7x5,square=30mm``, or a file that describes it; None to
-            calibrate by people. Views of people may start up to 2 s apart and have different frame rates, identities
-            need not agree across views, and left and right sides may be exchanged.
+            calibrate by people. Views of people may start seconds apart (``people.max_offset_s``) and have different
+            frame rates, identities need not agree across views, and left and right sides may be exchanged.
         intrinsics: cameras with known lenses, or a calibration file, whose poses are not used; lenses of cameras that
             it does not name are estimated.
         keypoints: file or folder of keypoints of people; by default those in the recording.
@@ -83,8 +89,8 @@ def calibrate(
         progress: receives the progress.
 
     Returns:
-        The cameras with their uncertainty. The world is the first camera, the board of ``origin_frame``, or the floor
-        that people stand on.
+        The cameras with their uncertainty; a :class:`PeopleCalibration` where people take part. The world is the first
+        camera, the board of ``origin_frame``, or the floor that people stand on.
 
     Raises:
         CalibrationError: if the recording does not determine the cameras; the message states what to film.
@@ -95,34 +101,32 @@ def calibrate(
     if board is None:
         from posefuse.pipeline.calibrate_people import calibrate_by_people
 
-        _refuse("board", options=options)
+        refuse_options("board", options=options)
         return calibrate_by_people(
             recording, intrinsics=intrinsics, keypoints=keypoints, timestamps=timestamps, options=people,
             progress=progress,
         )  # fmt: skip
-    from posefuse.pipeline.calibrate_board import calibrate_by_board
-
-    _refuse(None, keypoints=keypoints, people=people)
     if isinstance(recording, Detections):
         raise OptionsError("A calibration by a board reads images: `recording` must be their folder.")
+    images, has_people = _board_and_people(Path(recording), keypoints)
+    if has_people:
+        from posefuse.pipeline.calibrate_combined import calibrate_combined
+
+        return calibrate_combined(
+            images, board, PeopleSource(recording, keypoints, timestamps), intrinsics=intrinsics,
+            options=options or CalibrateOptions(), people=people or PeopleOptions(), progress=progress or Silent(),
+        )  # fmt: skip
+    from posefuse.pipeline.calibrate_board import calibrate_by_board
+
+    refuse_options(None, people=people)
     return calibrate_by_board(
         recording, board, intrinsics=intrinsics, timestamps=timestamps, options=options, progress=progress
     )
 
 
-def _refuse(missing: str | None, **given: object) -> None:
-    """Raise an error that names an argument, or an option, of the other kind of calibration."""
-    names = [_first_change(name, value) for name, value in given.items() if value is not None]
-    if names and missing:
-        raise OptionsError(f"`{names[0]}` is for calibrations by a board. Set `{missing}`, or remove `{names[0]}`.")
-    if names:
-        raise OptionsError(f"`{names[0]}` is for calibrations by people. Remove `board`, or remove `{names[0]}`.")
-
-
-def _first_change(name: str, value: object) -> str:
-    """Return the name of the first option that differs from its default, or of the argument."""
-    if not isinstance(value, CalibrateOptions | PeopleOptions):
-        return name
-    usual = type(value)()
-    changed = [each.name for each in fields(value) if getattr(value, each.name) != getattr(usual, each.name)]
-    return changed[0] if changed else name
+def _board_and_people(folder: Path, keypoints: str | Path | None) -> tuple[Path, bool]:
+    """Return the folder with images of the board, and whether there are 2D keypoints of people, too."""
+    if not folder.is_dir() or (keypoints is None and not find_recording(folder).keypoints):
+        return folder, False
+    inside = find_board_folder(folder)
+    return (folder if inside is None or folder.resolve() not in inside.parents else inside), True

@@ -1,7 +1,7 @@
 """Calibrate cameras from images of a board: find images, detect corners, align times, calibrate."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -10,7 +10,7 @@ import numpy as np
 from posefuse.arguments import checked
 from posefuse.calibration.boards.calibration import BoardCalibration, Clocks, calibrate_board
 from posefuse.errors import CalibrationError, choices
-from posefuse.io.board_images import find_images
+from posefuse.io.board_images import ViewImages, find_images
 from posefuse.io.board_specs import read_board_spec
 from posefuse.io.calibration.read import read_cameras
 from posefuse.io.timestamps import Timestamps, find, read_timestamps
@@ -26,7 +26,7 @@ from posefuse.progress import Progress, Silent
 
 @checked
 def calibrate_by_board(
-    images: str | Path,
+    images: str | Path | Sequence[ViewImages],
     board: Board | str | Path,
     *,
     intrinsics: CameraRig | str | Path | None = None,
@@ -37,7 +37,7 @@ def calibrate_by_board(
     """Calibrate cameras from videos or pictures of a board.
 
     Args:
-        images: folder with one video, or one folder of pictures, per camera.
+        images: folder with one video, or one folder of pictures, per camera; or the images of each camera.
         board: the board, its description such as ``charuco:7x5,square=30mm``, or a file that describes it.
         intrinsics: cameras with known lenses, or a calibration file; cameras that it does not name are estimated.
         timestamps: file or folder of the times of the images; by default those beside the videos.
@@ -53,26 +53,83 @@ def calibrate_by_board(
         RecordingError: if the folder has no images, or several sets of them.
     """
     options = options or CalibrateOptions()
+    corners = read_corners(images, board, intrinsics, timestamps, options, progress or Silent())
+    result = calibrate_corners(corners, corners.detections.view_names, options)
+    notes = (*corners.notes, *result.notes)
+    return replace(result, rig=_with_notes(result, notes), notes=notes)
+
+
+@dataclass(frozen=True, eq=False)
+class BoardCorners:
+    """Corners of a board in the images of all cameras.
+
+    Attributes:
+        board: the board.
+        detections: the corners, on a common timeline.
+        sizes_px: width and height of the images, by view.
+        lenses: cameras with known lenses, by view.
+        one_clock: whether times are those of one clock.
+        notes: sentences on the images.
+    """
+
+    board: Board
+    detections: Detections
+    sizes_px: dict[str, tuple[int, int]]
+    lenses: dict[str, Camera]
+    one_clock: bool
+    notes: tuple[str, ...]
+
+
+def read_corners(
+    images: str | Path | Sequence[ViewImages],
+    board: Board | str | Path,
+    intrinsics: CameraRig | str | Path | None,
+    timestamps: str | Path | None,
+    options: CalibrateOptions,
+    progress: Progress,
+) -> BoardCorners:
+    """Find the images of all cameras, and the corners of the board in them.
+
+    Raises:
+        CalibrationError: if the images are those of one camera, or the lenses of other cameras.
+        FileError: if a file cannot be read.
+        RecordingError: if the folder has no images, or several sets of them.
+    """
     board = board if isinstance(board, Board) else read_board_spec(board)
-    views = find_images(Path(images))
+    views = find_images(Path(images)) if isinstance(images, str | Path) else tuple(images)
     if len(views) < 2:
-        raise CalibrationError(f"{images} has the images of one camera; poses need at least two cameras.")
-    found = detect_board(views, board, every=options.every, jobs=options.jobs, progress=progress or Silent())
-    stamps = _timestamps(Path(images), views[0].files[0].parent, timestamps)
-    detections = as_detections(found, board, stamps)
+        given = images if isinstance(images, str | Path) else choices([view.name for view in views])
+        raise CalibrationError(f"{given} has the images of one camera; poses need at least two cameras.")
+    place = views[0].files[0].parent
+    found = detect_board(views, board, every=options.every, jobs=options.jobs, progress=progress)
+    stamps = _timestamps(Path(images) if isinstance(images, str | Path) else place, place, timestamps)
     known = intrinsics if isinstance(intrinsics, CameraRig) or intrinsics is None else read_cameras(intrinsics)
-    result = calibrate_board(
-        detections,
+    return BoardCorners(
         board,
+        as_detections(found, board, stamps),
         {view.name: view.size_px for view in found},
-        intrinsics=known_lenses(known, found),
+        known_lenses(known, found),
+        stamps is not None or not views[0].is_video,
+        tuple(note for view in found for note in view.notes),
+    )
+
+
+def calibrate_corners(corners: BoardCorners, names: Sequence[str], options: CalibrateOptions) -> BoardCalibration:
+    """Calibrate some of the cameras that see a board together.
+
+    Raises:
+        CalibrationError: if the images do not determine the cameras; the message states what to film.
+    """
+    return calibrate_board(
+        corners.detections.views(names),
+        corners.board,
+        corners.sizes_px,
+        intrinsics={name: camera for name, camera in corners.lenses.items() if name in names},
         refine_intrinsics=options.refine_intrinsics,
         lens=None if options.lens is None else LensModel(options.lens),
         origin_frame=options.origin_frame,
-        clocks=_clocks(options, one_clock=stamps is not None or not views[0].is_video),
+        clocks=_clocks(options, one_clock=corners.one_clock),
     )
-    notes = (*(note for view in found for note in view.notes), *result.notes)
-    return replace(result, rig=_with_notes(result, notes), notes=notes)
 
 
 def _clocks(options: CalibrateOptions, *, one_clock: bool) -> Clocks:

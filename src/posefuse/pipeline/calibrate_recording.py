@@ -49,9 +49,7 @@ def ensure_calibration(folder: Path, inputs: RecordingInputs, progress: Progress
     summary = summarize_board(result)
     assessment = assess(summary)
     if assessment.level == "bad":
-        raise CalibrationError(
-            f"Calibration from {images}: {assessment.sentence} {assessment.advice[0].remedy}".strip()
-        )
+        raise CalibrationError(f"Calibration from {images}: {assessment.sentence} {assessment.advice[0]}")
     inside = images.parent == folder.resolve()
     target = (folder if inside else images) / CALIBRATION_FILE
     write_calibration_report(summary, target.with_suffix(".html"))

@@ -23,6 +23,7 @@ from posefuse.pipeline.people.find_subjects import find_subjects
 from posefuse.pipeline.people.stills import STILLS
 from posefuse.pipeline.plan import Plan
 from posefuse.preprocess.match_cameras import match_views
+from posefuse.preprocess.time_offsets import shift_views
 from posefuse.progress import Progress, Silent
 
 
@@ -53,7 +54,7 @@ def inspect_health(
     Args:
         rig: calibrated cameras, or the folder of a recording.
         detections: 2D keypoints, unless a folder is given.
-        options: options as of :func:`reconstruct`; those that assign detections to people are used.
+        options: options as of :func:`reconstruct`; those that assign detections to people are used, and ``sync``.
         inputs: paths of inputs that are not found in the folder or are ambiguous there.
         progress: receives the progress.
 
@@ -88,13 +89,15 @@ def measure_sync(
     Args:
         rig: calibrated cameras.
         detections: 2D keypoints.
-        options: options as of :func:`reconstruct`; those that assign detections to people are used.
+        options: options as of :func:`reconstruct`; those that assign detections to people are used, and ``sync``:
+            offsets are those that remain after its correction.
         reference: camera whose clock is correct; by default that of most views.
         reach_s: largest time offset to search, in seconds.
         progress: receives the progress.
 
     Returns:
-        The timing of each view, and the options with which :func:`reconstruct` corrects it.
+        The timing of each view, and the options with which :func:`reconstruct` corrects it; they do not include
+        ``options.sync``.
 
     Raises:
         MatchError: if views and cameras do not match, or the reference does not exist.
@@ -153,6 +156,8 @@ def _with_subjects(
     detections = cut_time(detections, options)
     if detections.n_frames == 0:
         raise DetectionsError("The recording is empty: it has no frames.")
+    if not options.sync.does_nothing:
+        detections = shift_views(detections, rig.names, options.sync).detections
     options = resolve_people(replace(options, bodies="none"), RecordingFacts.of(detections), len(rig))
     if options.people == STILLS:
         raise DetectionsError(

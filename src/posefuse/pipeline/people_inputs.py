@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from posefuse.io.keypoints.read import read_keypoints
 from posefuse.io.open_recording import keypoint_request
 from posefuse.io.recording import choose_keypoints, find_recording
 from posefuse.io.videos.reader import VIDEO_ENDINGS, open_video
+from posefuse.io.videos_only import videos_only
 from posefuse.model.cameras import Camera, CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.options.calibration import PeopleOptions
@@ -53,6 +55,11 @@ def _find_keypoints(recording: Path) -> Path:
     must_exist(recording, "recording")
     found = find_recording(recording)
     if not found.keypoints:
+        advice = videos_only(recording)
+        if advice is not None:
+            raise RecordingError(
+                f"{advice} For videos of a board, add `board`; for points of known position, `scene_points`."
+            )
         raise RecordingError(
             f"{recording} has no 2D keypoints to calibrate by. For images of a board, add `board`; for points of known "
             "position, `scene_points`; for keypoints elsewhere, `keypoints`."
@@ -61,7 +68,11 @@ def _find_keypoints(recording: Path) -> Path:
 
 
 def cameras_of(
-    names: tuple[str, ...], known: CameraRig | None, recording: Path | None, options: PeopleOptions
+    names: tuple[str, ...],
+    known: CameraRig | None,
+    recording: Path | None,
+    options: PeopleOptions,
+    image_sizes: Mapping[str, tuple[int, int]] = MappingProxyType({}),
 ) -> tuple[tuple[Camera, ...], tuple[bool, ...]]:
     """Return the lens of each view, and whether its focal length is known.
 
@@ -73,6 +84,7 @@ def cameras_of(
         known: cameras with known lenses.
         recording: folder that may hold the videos of the views, from which image sizes are read.
         options: image size.
+        image_sizes: width and height of the images of views, where known.
 
     Raises:
         CalibrationError: if the size of an image is unknown; the message names all such views.
@@ -83,7 +95,7 @@ def cameras_of(
         if match is not None and known is not None:
             lenses[name] = replace(known[match], camera_from_world=np.eye(4))
     missing = [name for name in names if name not in lenses]
-    sizes = _sizes(missing, recording, options)
+    sizes = {**_sizes([name for name in missing if name not in image_sizes], recording, options), **image_sizes}
     unsized = [name for name in missing if name not in sizes]
     if unsized:
         raise CalibrationError(

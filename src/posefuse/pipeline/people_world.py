@@ -9,6 +9,8 @@ from posefuse.alignment.feet import floor_from_feet
 from posefuse.alignment.infer_up import infer_up
 from posefuse.alignment.size import estimate_height_m, scale_factor
 from posefuse.alignment.world_axes import find_alignment
+from posefuse.calibration.people.known_cameras import similarity
+from posefuse.calibration.people.known_estimate import KnownEstimate
 from posefuse.errors import DetectionsError, OptionsError
 from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import CameraRig
@@ -36,7 +38,7 @@ class PeopleWorld:
 
     Attributes:
         alignment: this world from the world of the estimate.
-        scale_sd: relative standard deviation of all lengths.
+        scale_sd: relative standard deviation of all lengths; 0 if other than people determine the scale.
         notes: how scale and axes were determined, in sentences.
     """
 
@@ -45,8 +47,30 @@ class PeopleWorld:
     notes: tuple[str, ...]
 
 
+def earlier_world(found: KnownEstimate, earlier: CameraRig) -> PeopleWorld:
+    """Return the world in which the cameras that did not move are where an earlier calibration has them."""
+    return _world_of(found, earlier, "The world and the scale are those of the earlier calibration.")
+
+
+def board_world(found: KnownEstimate, by_board: CameraRig) -> PeopleWorld:
+    """Return the world of a calibration by a board."""
+    return _world_of(found, by_board, "The world and the scale are those of the board.")
+
+
+def _world_of(found: KnownEstimate, known: CameraRig, note: str) -> PeopleWorld:
+    now, kept = CameraRig(found.estimate.cameras), [name for name in found.kept if name in known.names]
+    world = similarity([now[name] for name in kept], [known[name] for name in kept], scale=1.0)
+    alignment = Alignment(world.rotation, world.shift_m, up_axis=known.up_axis, inferred_up=known.inferred_up)
+    return PeopleWorld(alignment, 0.0, (note,))
+
+
 def people_world(
-    points_m: np.ndarray, skeleton: Skeleton, rig: CameraRig, rate_hz: float | None, options: PeopleOptions
+    points_m: np.ndarray,
+    skeleton: Skeleton,
+    rig: CameraRig,
+    rate_hz: float | None,
+    options: PeopleOptions,
+    known_scale: str = "",
 ) -> PeopleWorld:
     """Return the world in which people have their size and stand on the floor, z up where they show it.
 
@@ -56,12 +80,13 @@ def people_world(
         rig: the cameras in that world.
         rate_hz: frame rate, if known.
         options: stature or length, if known.
+        known_scale: what the scale is known from, in a sentence; empty if it is that of the people.
 
     Raises:
         DetectionsError: if the stature or the length is given, but no person shows it.
         SkeletonError: if a keypoint does not exist.
     """
-    scale, scale_sd, note = _scale(points_m, skeleton, options)
+    scale, scale_sd, note = (1.0, 0.0, known_scale) if known_scale else _scale(points_m, skeleton, options)
     sized = replace(identity_alignment(rig), scale=scale)
     scaled_points, scaled_rig = points_m * scale, aligned_rig(rig, sized)
     turned, notes = _axes(scaled_points, skeleton, scaled_rig, rate_hz)

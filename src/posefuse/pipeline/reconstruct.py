@@ -148,14 +148,15 @@ def examine(
     if not options.sync.does_nothing:
         shifted = time_offsets.shift_views(detections, rig.names, options.sync)
         detections, notes = shifted.detections, (*notes, *shifted.notes)
+    n_frames = detections.n_frames
     if detections.sigma_px is not None:
         default_px = None if fixed_noise(rig, options) else float(np.median(assumed_noise(rig, 1.0).scale_px))
         options, detections, weight_notes = weight_by_sigma(detections, options, default_px)
     # Subjects.
     subjects, bodies = find(rig, detections, options, progress)
     n_tracked, partial_notes = frames_tracked(bodies or subjects), ()
-    if n_tracked is not None and n_tracked < facts.n_frames:
-        detections, partial_notes = detections.between(0, n_tracked), (partial_note(n_tracked, facts.n_frames),)
+    if n_tracked is not None and n_tracked < n_frames:
+        detections, partial_notes = detections.between(0, n_tracked), (partial_note(n_tracked, n_frames),)
     if shifted is not None:
         detections = time_offsets.interpolate_to_frame_times(shifted.with_detections(detections), subjects)
     if isinstance(subjects, SingleSubject) and subjects.note:

@@ -21,12 +21,15 @@ from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.options.options import Options
 from posefuse.model.options.postprocess import PostprocessOptions
 from posefuse.model.options.refinement import RefineOptions
+from posefuse.model.options.sync import SyncOptions
 from posefuse.model.status import ViewStatus
-from posefuse.pipeline.defaults import cut_time
+from posefuse.pipeline.defaults import RecordingFacts, cut_time, resolve_people
 from posefuse.pipeline.measured_layer import measure
+from posefuse.pipeline.people.find_subjects import find_subjects
 from posefuse.pipeline.plan import Plan
 from posefuse.pipeline.reconstruct import examine
 from posefuse.preprocess.match_cameras import match_views
+from posefuse.preprocess.time_offsets import interpolate_to_frame_times, shift_views
 from posefuse.progress import Progress, Silent
 
 _MAX_KEYPOINTS = 60_000
@@ -175,9 +178,23 @@ def refine_calibration(
     options = replace(options, start_s=None, end_s=None)
     if len(matched) < 2:
         raise CalibrationError(f"The rig has one camera, {choices(matched.names)}; a refinement needs two or more.")
+    detections, options = _synchronized(matched, detections, options, progress)
     source = RecordingSource(_sample_frames(detections, options), options)
     state, known = refine(matched, source, refining, progress)
     return _outcome(matched, source, refining, state, known)
+
+
+def _synchronized(
+    rig: CameraRig, detections: Detections, options: Options, progress: Progress
+) -> tuple[Detections, Options]:
+    """Return the detections at the frame times, before frames are sampled, and options without time offsets."""
+    if options.sync.does_nothing:
+        return detections, options
+    shifted = shift_views(detections, rig.names, options.sync)
+    options = replace(options, sync=SyncOptions())
+    resolved = resolve_people(options, RecordingFacts.of(shifted.detections), len(rig))
+    subjects, _ = find_subjects(rig, shifted.detections, resolved, progress)
+    return interpolate_to_frame_times(shifted, subjects), options
 
 
 def _sample_frames(detections: Detections, options: Options) -> Detections:

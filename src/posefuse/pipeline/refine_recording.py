@@ -82,14 +82,14 @@ def _read(
     """Return the path of the calibration, its cameras, and their observations."""
     calibration, keypoints = inputs.calibration, inputs.keypoints
     found = find_recording(recording) if calibration is None or (keypoints is None and source == "keypoints") else None
+    if found is not None and keypoints is None and source == "keypoints":
+        keypoints = choose_keypoints(found)
     if found is not None:
         calibration = calibration or choose_calibration(found)
     assert calibration is not None
     rig = read_cameras(calibration, length_unit=options.length_unit, up=options.up)
     if source == "board":
         return calibration, rig, read_board(keypoints or find_board(recording), rig.names)
-    if found is not None:
-        keypoints = keypoints or choose_keypoints(found)
     assert keypoints is not None
     return calibration, rig, read_keypoints(keypoints, Request.of(options, progress))
 

@@ -27,8 +27,9 @@ from posefuse.report.scene import display_stride, scene_data
 from posefuse.report.series import Gap, TimeSeries, find_gaps, gather_series, time_series_data
 from posefuse.report.summary import Summary, summarize
 from posefuse.report.summary_text import scene_note, summary_paragraphs
+from posefuse.report.videos import PageVideos, video_data, videos_sentence
 
-_SCRIPTS = ("scene.js", "projection.js", "player.js", "heat_map.js", "time.js", "charts.js")
+_SCRIPTS = ("scene.js", "projection.js", "player.js", "video.js", "heat_map.js", "time.js", "charts.js")
 """Parts of one script, in this order."""
 _SIDES_HINT = '<span class="left">Left</span>, <span class="right">right</span>'
 _PEOPLE_HINT = "One color per person, names above their heads"
@@ -42,6 +43,7 @@ class PageData:
         truth_m: ground truth, shape (frame, person, keypoint, 3), or None.
         accuracy: accuracy of the result, or None.
         progress: receives the progress.
+        videos: videos to show beside the scene.
     """
 
     def __init__(
@@ -50,10 +52,12 @@ class PageData:
         truth_m: np.ndarray | None,
         accuracy: Accuracy | PeopleScores | None,
         progress: Progress,
+        videos: PageVideos = PageVideos(),  # noqa: B008
     ) -> None:
         self.result = result
         self.truth_m = truth_m
         self.accuracy = accuracy
+        self.videos = videos
         self.layer: LayerName = result.best_layer(result.options.layer)[0]
         self.parts = _Ranges(result, progress)
 
@@ -130,6 +134,7 @@ SECTIONS = (
         lambda page: highlights_section(page.result, page.summary, page.heat_map, page.series, page.gaps),
     ),
     Section("sides", lambda page: _PEOPLE_HINT if page.has_several_people else _SIDES_HINT),
+    Section("videos", lambda page: escape(videos_sentence(page.videos.videos, page.videos.notes))),
     Section("accuracy", lambda page: tables.accuracy_table(page.accuracy)),
     Section("people", _people),
     Section("cameras", lambda page: tables.camera_table(page.result, page.summary)),
@@ -145,6 +150,7 @@ SECTIONS = (
 
 CHARTS: dict[str, Callable[[PageData], Any]] = {
     "scene": lambda page: page.scene[0],
+    "videos": lambda page: video_data(page.videos),
     "charts": lambda page: chart_data(page.result, page.summary),
     "heatMap": lambda page: heat_map_data(page.heat_map, page.result.frame_numbers),
     "series": lambda page: time_series_data(page.result, page.series),
@@ -159,6 +165,7 @@ def render_report(
     truth_m: np.ndarray | None = None,
     accuracy: Accuracy | PeopleScores | None = None,
     progress: Progress | None = None,
+    videos: PageVideos = PageVideos(),  # noqa: B008
 ) -> str:
     """Return the report of a result as the text of an HTML file.
 
@@ -168,8 +175,9 @@ def render_report(
             keypoints of the result, NaN where unknown.
         accuracy: accuracy of the result compared with the ground truth.
         progress: receives the progress.
+        videos: videos to show beside the scene.
     """
-    page = PageData(result, truth_m, accuracy, progress or Silent())
+    page = PageData(result, truth_m, accuracy, progress or Silent(), videos)
     return Template(asset("report.html")).substitute(
         title=escape(f"posefuse: {len(result.person_ids)} x {result.skeleton.name}"),
         css=asset("report.css"),

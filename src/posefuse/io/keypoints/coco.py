@@ -15,7 +15,6 @@ from posefuse.errors import FileError
 from posefuse.io.keypoints.camera_files import FileKind, all_camera_files, read_views, valid_camera_files
 from posefuse.io.keypoints.columns import ViewColumns
 from posefuse.io.keypoints.format import KeypointFormat
-from posefuse.io.keypoints.names import skeleton_of
 from posefuse.io.keypoints.people import (
     Person,
     beginning,
@@ -27,6 +26,7 @@ from posefuse.io.keypoints.people import (
 )
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
+from posefuse.skeleton.from_names import skeleton_of
 from posefuse.skeleton.skeletons import Skeleton
 
 

@@ -26,12 +26,13 @@ from posefuse.io.hdf5 import open_hdf5
 from posefuse.io.keypoints.camera_files import is_damaged
 from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.format import KeypointFormat
-from posefuse.io.keypoints.names import skeleton_of, view_names
+from posefuse.io.keypoints.names import view_names
 from posefuse.io.keypoints.people import last_number
 from posefuse.io.keypoints.request import Request
 from posefuse.io.pandas_tables import Frame, read_frame
 from posefuse.io.pickles import load_plain
 from posefuse.model.detections import Detections
+from posefuse.skeleton.from_names import skeleton_of
 
 _COORDINATES = ("x", "y", "likelihood")
 _VARIANCES = (("x_posterior_var", "y_posterior_var"), ("x_ens_var", "y_ens_var"))

@@ -15,10 +15,10 @@ import msgspec
 from posefuse.io.keypoints.camera_files import FileKind, all_camera_files, read_views, valid_camera_files
 from posefuse.io.keypoints.columns import ViewColumns
 from posefuse.io.keypoints.format import KeypointFormat
-from posefuse.io.keypoints.names import skeleton_named
 from posefuse.io.keypoints.people import Person, beginning, checked_integer, decode, detections_of, joined, view_columns
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
+from posefuse.skeleton.from_names import skeleton_named
 from posefuse.skeleton.skeletons import Skeleton
 
 

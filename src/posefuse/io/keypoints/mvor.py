@@ -12,10 +12,10 @@ import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.io.keypoints.format import KeypointFormat
-from posefuse.io.keypoints.names import skeleton_of
 from posefuse.io.keypoints.people import Person, beginning, decode, detections_of, view_columns
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
+from posefuse.skeleton.from_names import skeleton_of
 from posefuse.skeleton.skeletons import shipped_skeleton
 
 _DATA = "camma_mvor_2018.json"

@@ -1,4 +1,4 @@
-"""Names of views and recordings from file names, and skeletons from keypoint names."""
+"""Names of views and recordings from file names."""
 
 import glob
 import re
@@ -9,7 +9,6 @@ from pathlib import Path
 from posefuse.errors import FileError, choices
 from posefuse.io.files import natural_key
 from posefuse.model.view_names import plain_name
-from posefuse.skeleton.skeletons import Skeleton, shipped_skeleton, shipped_skeletons
 
 _SEPARATORS = "_. "
 
@@ -91,30 +90,3 @@ def _common_start(texts: Sequence[str]) -> str:
 def _at_separator(common: str) -> int:
     """Return the length of a common part up to and including its last separator."""
     return max(common.rfind(separator) for separator in _SEPARATORS) + 1
-
-
-def skeleton_of(name: str, keypoints: Sequence[str], edges: Sequence[tuple[str, str]] = ()) -> Skeleton:
-    """Return a skeleton with the keypoint names of a file. Left and right pairs are inferred from the names."""
-    lower = {keypoint.lower(): keypoint for keypoint in keypoints}
-    pairs = []
-    for keypoint in keypoints:
-        partner = _other_side(keypoint.lower())
-        if partner in lower:
-            pairs.append((keypoint, lower[partner]))
-    return Skeleton(name, tuple(keypoints), edges=tuple(edges), pairs=tuple(pairs))
-
-
-def skeleton_named(name: str, keypoints: Sequence[str]) -> Skeleton:
-    """Return the shipped skeleton with exactly these keypoints in this order, or a new one if there is none."""
-    for shipped in map(shipped_skeleton, shipped_skeletons()):
-        if shipped.keypoints == tuple(keypoints):
-            return shipped
-    return skeleton_of(name, keypoints)
-
-
-def _other_side(name: str) -> str | None:
-    """Return the lower-case name of the right counterpart of a left keypoint, or None for other keypoints."""
-    for pattern, other in ((r"(^|_)left(_|$)", r"\1right\2"), (r"(^|_)l(_|$)", r"\1r\2")):
-        if re.search(pattern, name):
-            return re.sub(pattern, other, name)
-    return None

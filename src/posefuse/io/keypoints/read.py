@@ -17,10 +17,18 @@ from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
 from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 
+DETECTED_FILE = "keypoints.parquet"
+"""File of keypoints in a folder that ``posefuse detect`` writes."""
+
 
 def find_format(path: Path) -> KeypointFormat | None:
     """Return the keypoint format of a file or folder, or None if it is in none."""
     return next((form for form in KEYPOINTS if form.matches(path)), None)
+
+
+def detected_keypoints(path: Path) -> Path:
+    """Return the file of keypoints in a folder that ``posefuse detect`` wrote; any other path unchanged."""
+    return file if (file := path / DETECTED_FILE).is_file() else path
 
 
 def read_keypoints(path: Path, request: Request) -> Detections:
@@ -30,7 +38,7 @@ def read_keypoints(path: Path, request: Request) -> Detections:
         FileError: If the path does not exist or is in no known format.
         PosefuseError: Any error of the reader, or if timestamps do not match the views.
     """
-    must_exist(path, "keypoints")
+    path = detected_keypoints(must_exist(path, "keypoints"))
     form = find_format(path)
     if form is None:
         formats = choices(f"{form.name} ({form.files})" for form in KEYPOINTS)

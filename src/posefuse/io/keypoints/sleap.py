@@ -17,9 +17,10 @@ from posefuse.io.files import files_at, natural_key
 from posefuse.io.hdf5 import open_hdf5
 from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.format import KeypointFormat
-from posefuse.io.keypoints.names import skeleton_of, view_names
+from posefuse.io.keypoints.names import view_names
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
+from posefuse.skeleton.from_names import skeleton_of
 from posefuse.skeleton.skeletons import Skeleton
 
 

@@ -26,9 +26,10 @@ from posefuse.io.hdf5 import check_hdf5
 from posefuse.io.keypoints.camera_files import FileKind, all_camera_files
 from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.format import KeypointFormat
-from posefuse.io.keypoints.names import skeleton_named, skeleton_of, view_names
+from posefuse.io.keypoints.names import view_names
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
+from posefuse.skeleton.from_names import skeleton_named, skeleton_of
 from posefuse.skeleton.skeletons import Skeleton
 
 _MAX_MISSING_FRAMES = 10_000_000

@@ -16,11 +16,11 @@ from posefuse.io.files import reading, replacing
 from posefuse.io.keypoints import tidy_parquet
 from posefuse.io.keypoints.columns import is_sparse
 from posefuse.io.keypoints.format import KeypointFormat
-from posefuse.io.keypoints.names import skeleton_named
 from posefuse.io.keypoints.parquet_metadata import column_names
 from posefuse.io.keypoints.request import Request
 from posefuse.io.keypoints.tidy_columns import REQUIRED_COLUMNS, detections_of_table, table_of
 from posefuse.model.detections import Detections
+from posefuse.skeleton.from_names import skeleton_named
 
 
 def matches(path: Path) -> bool:

@@ -24,9 +24,9 @@ import numpy as np
 
 from posefuse.errors import FileError, choices
 from posefuse.io.keypoints.columns import ViewColumns, assemble
-from posefuse.io.keypoints.names import skeleton_named
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
+from posefuse.skeleton.from_names import skeleton_named
 from posefuse.skeleton.skeletons import Skeleton
 
 REQUIRED_COLUMNS = ("camera", "frame", "keypoint", "x_px", "y_px")

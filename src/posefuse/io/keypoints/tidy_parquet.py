@@ -1,7 +1,8 @@
 """Tidy tables in parquet, written and read by ranges of frames: only the requested ranges are in memory."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -24,13 +25,26 @@ _GROUP_LINES = 200_000
 
 def write(detections: Detections, path: Path) -> None:
     """Write a table with one row group per range of frames."""
+    size = frames_per_group(detections.n_frames, int(detections.offsets[-1]), len(detections.skeleton))
+    spans = list(ranges(detections.n_frames, size)) or [(0, 0)]
+    write_parts((detections.frames(start, stop) for start, stop in spans), path)
+
+
+def frames_per_group(n_frames: int, n_rows: int, n_keypoints: int) -> int:
+    """Return the number of frames of a row group, from the number of detections of all frames."""
+    return max(_GROUP_LINES // max(n_rows * n_keypoints // max(n_frames, 1), 1), 1)
+
+
+def write_parts(parts: Iterable[Detections], path: Path) -> None:
+    """Write consecutive ranges of the frames of a recording, at least one, as one row group each."""
     import pyarrow.parquet as pq
 
-    schema = table_of(detections.frames(0, 0)).schema.with_metadata(metadata_of(detections))
-    mean_lines = max(int(detections.offsets[-1]) * len(detections.skeleton) // max(detections.n_frames, 1), 1)
+    remaining = iter(parts)
+    first = next(remaining)
+    schema = table_of(first.frames(0, 0)).schema.with_metadata(metadata_of(first))
     with pq.ParquetWriter(path, schema, compression="zstd") as writer:
-        for start, stop in ranges(detections.n_frames, max(_GROUP_LINES // mean_lines, 1)):
-            table = table_of(detections.frames(start, stop)).replace_schema_metadata(schema.metadata)
+        for part in chain([first], remaining):
+            table = table_of(part).replace_schema_metadata(schema.metadata)
             writer.write_table(table, row_group_size=max(len(table), 1))
 
 

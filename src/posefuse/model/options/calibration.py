@@ -50,7 +50,8 @@ class PeopleOptions:
         view_rates_hz: Frame rates of views that started together, each as view=rate, such as cam_2=60; other views use
             rate_hz.
         image_size: Width and height of the images, if neither the lenses nor videos beside the keypoints state it.
-        seed: Random seed of the search for matching views.
+        max_offset_s: Largest difference of start times.
+        seed: Random seed of the search for views.
     """
 
     stature_m: float | None = option(None, above=0.0, at_most=100.0, example="1.78")
@@ -60,6 +61,7 @@ class PeopleOptions:
     rate_hz: float | None = option(None, above=0.0, example="60.0")
     view_rates_hz: tuple[str, ...] = option((), example='["cam_2=60"]')
     image_size: tuple[int, ...] = option((), at_least=1, unit="px", lengths=(0, 2), example="[1920, 1080]")
+    max_offset_s: float = option(2.0, at_least=0.0, at_most=60.0)
     seed: int = option(0, at_least=0, unit="")
 
     def __post_init__(self) -> None:

@@ -44,7 +44,7 @@ class Options:
         person: Names of the people to keep, such as person_1; all by default.
         bodies: Fit articulated models: auto, fit or none. "auto" fits them to several people, "fit" also to one.
         pick: Person to use if a view shows several: largest or track-id. Without it, all people are kept, or with
-            people = "one" the person whom the cameras see longest.
+            people = "one" the person who stays longest in the common volume of the cameras.
         skeleton: Keypoint set: a built-in name or a TOML file. By default it is inferred from the files.
         rate_hz: Frame rate, if the files do not state it.
         view_rates_hz: Frame rates of views that started together, each as view=rate, such as cam_2=60; other views use

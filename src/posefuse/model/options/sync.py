@@ -11,6 +11,8 @@ from posefuse.model.options.bounds import check_fields, option
 
 NEAR_FRAMES = 0.1
 """Views whose offset from the frame times is within this fraction of a frame period are not interpolated."""
+_FAR_APART_S = 1.0
+"""Views whose offsets differ by more are aligned on a new timeline."""
 
 
 @checked
@@ -58,8 +60,15 @@ class SyncOptions:
             offset = of_row if number == 0 else np.where(time_s >= start, of_row, offset)
         return offset
 
+    def are_far_apart(self, cameras: Sequence[str]) -> bool:
+        """Return whether the views of these cameras start so far apart that they get a new timeline."""
+        offsets = [float(self.offset_at(name, np.zeros(()))) for name in cameras]
+        return max(offsets) - min(offsets) > _FAR_APART_S
+
     def time_shifted(self, cameras: Sequence[str], time_s: np.ndarray, period_s: float) -> np.ndarray:
         """Return which points are interpolated between two frames of their view, shape (frame, view), bool.
+
+        With views that start far apart, any point may be interpolated.
 
         Args:
             cameras: Names of the views' cameras.
@@ -67,5 +76,7 @@ class SyncOptions:
             period_s: Frame period.
         """
         offset = np.stack([self.offset_at(name, time_s) for name in cameras], axis=1) / period_s
+        if self.are_far_apart(cameras):
+            return np.ones(offset.shape, dtype=bool)
         with np.errstate(invalid="ignore"):
             return np.abs(offset - np.round(offset)) > NEAR_FRAMES

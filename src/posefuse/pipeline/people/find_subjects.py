@@ -78,14 +78,14 @@ def find_subjects(
 def _find_subject(
     rig: CameraRig, detections: Detections, options: Options, progress: Progress, checkpoint: Checkpoint
 ) -> SingleSubject:
-    """Return the single subject: if views show several people and ``pick`` is not given, the one seen longest."""
+    """Return the single subject: of several people without ``pick``, the one in the common volume."""
     several = bool((detections.people_counts > 1).any())
     if not several or options.pick is not None or len(rig) == 1:
         return SingleSubject.of(detections, options.pick)
     people = track_people(rig, detections, options, progress, checkpoint.child("everyone"))
     if people.n_frames < detections.n_frames:  # interrupted: the rest decides who the subject is
         raise KeyboardInterrupt
-    return longest_subject(detections, people.recording_tracks)
+    return longest_subject(rig, detections, people.recording_tracks)
 
 
 def people_notes(detections: Detections, subjects: Subjects, options: Options) -> tuple[str, ...]:

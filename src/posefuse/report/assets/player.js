@@ -1,6 +1,6 @@
   // Playback and navigation: play, scrub, keyboard shortcuts, pointer gestures.
   const box = element("scene"), scrub = element("scrub"), position = element("position"), play = element("play");
-  const frameListeners = [];
+  const frameListeners = [], playListeners = [];
   let playing = false, last = 0, framesDue = 0, returnTarget = null, redrawPending = false;
   const redraw = () => { if (!redrawPending) { redrawPending = true; requestAnimationFrame(() => { redrawPending = false; draw(); }); } };
   scrub.max = String(Math.max(nFrames - 1, 0));
@@ -46,6 +46,7 @@
     playing = !playing;
     play.textContent = playing ? "Pause" : "Play";
     if (playing) { last = performance.now(); framesDue = 0; requestAnimationFrame(tick); }
+    playListeners.forEach((listener) => listener());
   }
   play.addEventListener("click", toggle);
   scrub.addEventListener("input", () => show(Number(scrub.value)));

@@ -15,6 +15,7 @@ from posefuse.visualize.overlay.options import OverlayOptions
 
 _SAME_RATE = 0.01
 _NOTABLE_DRIFT_FRAMES = 0.5
+_PADDING_PX = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,8 +118,8 @@ def open_sources(
         FileError: if a video cannot be read.
         ResultError: if the size of a video differs from its camera's.
     """
-    _check_names(rig, videos, "videos")
-    _check_names(rig, options.offset_s, "offset_s")
+    check_names(rig, videos, "videos")
+    check_names(rig, options.offset_s, "offset_s")
     names = [name for name in rig.names if name in videos or options.blank]
     if not names:
         raise MatchError(
@@ -136,7 +137,12 @@ def open_sources(
     return tuple(sources)
 
 
-def _check_names(rig: CameraRig, names: Mapping[str, object], argument: str) -> None:
+def check_names(rig: CameraRig, names: Mapping[str, object], argument: str) -> None:
+    """Check that the keys of an argument are cameras.
+
+    Raises:
+        MatchError: if one is not.
+    """
     for name in names:
         if name not in rig.names:
             raise MatchError(f"`{argument}`: there is no camera {name!r}. The cameras are {choices(rig.names, 30)}.")
@@ -167,6 +173,22 @@ def check_size(camera: Camera, info: VideoInfo, *, rescale: bool) -> None:
         f"{info.path.name} is {width} x {height} px, but camera {camera.name!r} was calibrated at "
         f"{calibrated_width} x {calibrated_height} px. {advice}"
     )
+
+
+def shown_area_px(camera: Camera, info: VideoInfo) -> tuple[int, int]:
+    """Return the width and height of the calibrated image that a video shows, from its top left corner.
+
+    Encoders pad images to whole blocks, and some programs calibrate on the padded image, so the video may be some
+    pixels smaller or larger. Otherwise it is the full image at any resolution.
+
+    Raises:
+        ResultError: if the shapes differ by more.
+    """
+    differences = [abs(a - b) for a, b in zip(info.size_px, camera.size_px, strict=True)]
+    if 0 < max(differences) < _PADDING_PX:
+        return info.size_px
+    check_size(camera, info, rescale=True)
+    return camera.size_px
 
 
 class VideoCursor:

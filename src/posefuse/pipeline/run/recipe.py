@@ -1,0 +1,331 @@
+"""From a folder of videos to a report: detect, calibrate, synchronize, reconstruct."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from posefuse.arguments import checked
+from posefuse.calibration.outcome import Refinement
+from posefuse.errors import OutputExistsError, RecordingError
+from posefuse.io.calibration.read import read_cameras
+from posefuse.io.files import RUN_FILE, check_folder_marker, replacing, writable
+from posefuse.io.folder_locks import exclusive_folder
+from posefuse.io.keypoints.read import read_keypoints
+from posefuse.io.open_recording import RecordingInputs, digest_path, keypoint_request
+from posefuse.io.options import read_sync
+from posefuse.io.project import PROJECT_FILE, project_to_toml
+from posefuse.model.detections import Detections
+from posefuse.model.options.options import Options
+from posefuse.model.options.run import RunOptions
+from posefuse.model.options.sync import SyncOptions
+from posefuse.pipeline.detect import DetectionOutcome, Given, detect_videos
+from posefuse.pipeline.fingerprints import RESULT as RECONSTRUCTION
+from posefuse.pipeline.reconstruct_recording import Outcome, reconstruct_recording
+from posefuse.pipeline.report_videos import write_report
+from posefuse.pipeline.run.calibrate_stage import (
+    Calibrated,
+    calibrate_board,
+    calibrate_people,
+    calibration_inputs,
+    refine,
+)
+from posefuse.pipeline.run.inputs import compare_inputs, with_inputs
+from posefuse.pipeline.run.plan import CALIBRATION, KEYPOINTS, REPORT, RESULT, SYNC, RunPlan, make_plan
+from posefuse.pipeline.run.state import RunState, stage_key
+from posefuse.pipeline.run.sync_stage import Synchronized, hear, known_starts, measure, write_sync
+from posefuse.progress import Progress, Silent
+
+
+@checked
+@dataclass(frozen=True, eq=False)
+class RunOutcome:
+    """The outcome of :func:`run`.
+
+    Attributes:
+        output: folder of the run.
+        plan: what was planned.
+        detection: what was found in the videos; None if keypoints were given or it was planned only.
+        calibration: the calibration that was made; None if it was given, or had been made before.
+        refinement: the adjustment of a given calibration; None if it was not asked for, or had been made before.
+        synchronization: the clocks; None if they were not measured, or had been measured before.
+        reconstruction: outcome of the reconstruction; None if the run was planned only.
+        report: report with the videos; None if there are no videos, or it had been written before.
+        kept: stages that an earlier run had finished with the same inputs and options.
+    """
+
+    output: Path
+    plan: RunPlan
+    detection: DetectionOutcome | None = None
+    calibration: Calibrated | None = None
+    refinement: Refinement | None = None
+    synchronization: Synchronized | None = None
+    reconstruction: Outcome | None = None
+    report: Path | None = None
+    kept: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Watcher:
+    """Receives what a run does, as it does it.
+
+    Attributes:
+        planned: called with the plan before any work is done.
+        finished: called after each stage with its name and the outcome so far.
+        progress: receives the progress.
+    """
+
+    planned: Callable[[RunPlan], None] = lambda _: None
+    finished: Callable[[str, RunOutcome], None] = lambda _, __: None
+    progress: Progress = field(default_factory=Silent)
+
+
+@checked
+def run(
+    folder: str | Path,
+    output: str | Path,
+    run: RunOptions | None = None,
+    options: Options | None = None,
+    *,
+    detector: Any = None,
+    skeleton: Any = None,
+    also: tuple[str, ...] = (),
+    watcher: Watcher | None = None,
+) -> RunOutcome:
+    """Reconstruct the people in the videos of a folder: detect, calibrate, synchronize, reconstruct, report.
+
+    Each stage writes its files into ``output``: ``keypoints``, ``calibration.toml``, ``sync.toml``, ``result`` and
+    ``report.html``. The same call resumes after an interruption, and repeats a stage only if its inputs or options
+    changed. The file ``posefuse.toml`` holds every choice that was made; :func:`read_run` reads it.
+
+    Args:
+        folder: folder with the videos of all cameras, and what is known of them: a calibration, videos of a board, 2D
+            keypoints, timestamps.
+        output: folder for all files; created if absent.
+        run: options of detection, calibration and synchronization.
+        options: options of the reconstruction.
+        detector: a function of one image, as in :func:`detect`; by default that of the options.
+        skeleton: skeleton of the keypoints that a function returns.
+        also: further formats of the result, see ``posefuse formats``.
+        watcher: receives the plan and the progress.
+
+    Returns:
+        What was done in each stage.
+
+    Raises:
+        FileError: if the output contains other files.
+        RecordingError: if something is missing; one message names all of it, and what to do.
+        PosefuseError: if a stage fails; the stages before it are kept.
+    """
+    watcher = watcher or Watcher()
+    plan = plan_run(folder, run, options, detector=detector, skeleton=skeleton)
+    watcher.planned(plan)
+    if plan.problems:
+        raise RecordingError("\n".join(plan.problems))
+    output = Path(output)
+    check_folder_marker(output, RUN_FILE)
+    plan = replace(plan, choices=with_inputs(plan))
+    with writable(output):
+        output.mkdir(parents=True, exist_ok=True)
+    with exclusive_folder(output, output):
+        state = RunState.read(output)
+        state.write()
+        with replacing(output / PROJECT_FILE) as temporary:
+            temporary.write_text(project_to_toml(plan.choices, plan.options), "utf-8")
+        return _Run(plan, RunOutcome(output, plan), state, watcher).all(also)
+
+
+@checked
+def plan_run(
+    folder: str | Path,
+    run: RunOptions | None = None,
+    options: Options | None = None,
+    *,
+    detector: Any = None,
+    skeleton: Any = None,
+) -> RunPlan:
+    """Return what :func:`run` would do with a folder; arguments and errors as there.
+
+    What is missing is in :attr:`RunPlan.problems`.
+    """
+    run = run or RunOptions()
+    plan = make_plan(Path(folder), run, options or Options(), detector=detector, skeleton=skeleton)
+    return replace(plan, notes=(*plan.notes, *compare_inputs(plan, run)))
+
+
+class _Run:
+    """One run: its stages share keypoints and evidence."""
+
+    def __init__(self, plan: RunPlan, outcome: RunOutcome, state: RunState, watcher: Watcher) -> None:
+        self.plan, self.outcome, self.state, self.watcher = plan, outcome, state, watcher
+        self.output, self.progress = outcome.output, watcher.progress
+
+    def all(self, also: tuple[str, ...]) -> RunOutcome:
+        """Run all stages."""
+        keypoints = self._detect()
+        run = self.plan.choices
+        timestamps = None if run.timestamps is None else self.plan.path(run.timestamps)
+        people = _People(self.plan, keypoints, timestamps, self.progress)
+        calibration = self._calibrate(people)
+        sync = self._synchronize(people, calibration)
+        inputs = RecordingInputs(calibration, keypoints, timestamps)
+        self._finish("reconstruct", reconstruction=self._reconstruct(inputs, sync, also))
+        if any(stage.name == "report" for stage in self.plan.stages):
+            self._report()
+        return self.outcome
+
+    def _finish(self, stage: str, *, kept: bool = False, **found: Any) -> None:
+        """Add what a stage found to the outcome, and report it."""
+        names = (*self.outcome.kept, stage) if kept else self.outcome.kept
+        self.outcome = replace(self.outcome, kept=names, **found)
+        self.watcher.finished(stage, self.outcome)
+
+    def _detect(self) -> Path:
+        """Return the keypoints."""
+        plan, run = self.plan, self.plan.choices
+        if run.keypoints is not None:
+            return plan.path(run.keypoints)
+        videos = {name: plan.path(file) for name, file in run.files_of_views.items()}
+        folder, given = self.output / KEYPOINTS, Given(plan.detector, plan.skeleton)
+        try:
+            found = detect_videos(videos, folder, run.detect, given, progress=self.progress)
+        except OutputExistsError:
+            found = detect_videos(videos, folder, run.detect, given, overwrite=True, progress=self.progress)
+        _require_people(found)
+        self._finish("detect", kept=found.n_images == 0, detection=found)
+        return found.keypoints
+
+    def _calibrate(self, people: "_People") -> Path | None:
+        """Return the calibration."""
+        plan, way, given = self.plan, self.plan.choices.calibration, self.plan.choices.calibration_file
+        if given is not None or way == "none":
+            path = None if given is None else plan.path(given)
+            return self._refine(path, people) if path is not None and plan.choices.refine else path
+        path, values = self.output / CALIBRATION, calibration_inputs(plan)
+        if way == "people":
+            values |= people.digests() | {"videos": plan.choices.inputs.sha256}
+        key = stage_key(values)
+        if path.is_file() and self.state.is_finished("calibrate", key):
+            self._finish("calibrate", kept=True)
+            return path
+        if way == "board":
+            made = calibrate_board(plan, path, self.progress)
+        else:
+            starts = known_starts(plan, people.sound())
+            made = calibrate_people(plan, people.detections(), starts, path, self.progress)
+        self.state.finish("calibrate", key)
+        self._finish("calibrate", calibration=made)
+        return path
+
+    def _refine(self, given: Path, people: "_People") -> Path:
+        """Return the refined calibration, or the given one if it is not worse."""
+        path = self.output / CALIBRATION
+        key = stage_key({"refine": digest_path(given), "options": asdict(self.plan.options)} | people.digests())
+        if self.state.is_finished("calibrate", key):
+            self._finish("calibrate", kept=True)
+        elif people.detections().n_views > 1:
+            found = refine(self.plan, given, people.detections(), path, self.progress)
+            self.state.finish("calibrate", key)
+            self._finish("calibrate", refinement=found)
+        return path if path.is_file() else given
+
+    def _synchronize(self, people: "_People", calibration: Path | None) -> SyncOptions:
+        """Return the time offsets of the views."""
+        plan, run = self.plan, self.plan.choices
+        if run.sync_file is not None:
+            return read_sync(plan.path(run.sync_file))
+        if run.synchronize == "off" or calibration is None:
+            return SyncOptions()
+        path = self.output / SYNC
+        values = {"calibration": digest_path(calibration), "options": asdict(plan.options)}
+        key = stage_key(values | people.digests() | {"videos": run.inputs.sha256, "max_offset_s": run.max_offset_s})
+        if path.is_file() and self.state.is_finished("synchronize", key):
+            self._finish("synchronize", kept=True)
+            return read_sync(path)
+        detections = people.detections()
+        if detections.n_views < 2:
+            return SyncOptions()
+        rig = read_cameras(calibration, length_unit=plan.options.length_unit, up=plan.options.up)
+        found = measure(plan, rig, detections, people.sound(), self.progress)
+        write_sync(found.sync, path)
+        self.state.finish("synchronize", key)
+        self._finish("synchronize", synchronization=found)
+        return read_sync(path)
+
+    def _reconstruct(self, inputs: RecordingInputs, sync: SyncOptions, also: tuple[str, ...]) -> Outcome:
+        """Return the outcome of the reconstruction."""
+        plan = self.plan
+        options = plan.options if sync.does_nothing else replace(plan.options, sync=sync)
+        call = (plan.session.folder, self.output / RESULT, options)
+        try:
+            return reconstruct_recording(*call, inputs=inputs, also=also, progress=self.progress)
+        except OutputExistsError:
+            return reconstruct_recording(*call, inputs=inputs, also=also, overwrite=True, progress=self.progress)
+
+    def _report(self) -> None:
+        """Write the report with the videos."""
+        plan, path = self.plan, self.output / REPORT
+        made = self.outcome.reconstruction
+        assert made is not None
+        key = stage_key({"result": digest_path(made.output / RECONSTRUCTION), "videos": plan.choices.inputs.sha256})
+        if path.is_file() and self.state.is_finished("report", key):
+            self._finish("report", kept=True)
+            return
+        result = made.open()
+        files = plan.choices.files_of_views
+        views = plan.images_of(result.rig.names)
+        videos = {name: plan.path(files[view.name]) for name, view in views.items()}
+        write_report(result, path, videos=videos, overwrite=True, progress=self.progress)
+        self.state.finish("report", key)
+        self._finish("report", report=path)
+
+
+class _People:
+    """The keypoints of a run and the sound of its videos, each read once."""
+
+    def __init__(self, plan: RunPlan, keypoints: Path, timestamps: Path | None, progress: Progress) -> None:
+        self.plan, self.keypoints, self.timestamps, self.progress = plan, keypoints, timestamps, progress
+        self._detections: Detections | None = None
+        self._sound: Any = None
+
+    def digests(self) -> dict[str, str]:
+        """Return the digests of keypoints and timestamps."""
+        stamps = "" if self.timestamps is None else digest_path(self.timestamps)
+        return {"keypoints": digest_path(self.keypoints), "timestamps": stamps}
+
+    def detections(self) -> Detections:
+        """Return the keypoints."""
+        if self._detections is None:
+            plan = self.plan
+            request = keypoint_request(
+                plan.session.folder, self.keypoints, plan.options, self.progress, self.timestamps
+            )
+            found = read_keypoints(self.keypoints, request)
+            rate_hz = plan.options.rate_hz
+            self._detections = found.with_rate(rate_hz) if rate_hz and found.rate_hz is None else found
+        return self._detections
+
+    def sound(self) -> Any:
+        """Return what the sound of the videos shows."""
+        if self._sound is None:
+            self._sound = hear(self.plan, self.detections().view_names, self.progress)
+        return self._sound
+
+
+def _require_people(found: DetectionOutcome) -> None:
+    """Refuse videos without people.
+
+    Raises:
+        RecordingError: if no view, or only one of several, shows a person.
+    """
+    seen = [view.name for view in found.views if view.n_with_people]
+    if found.views and not seen:
+        raise RecordingError(
+            f"{found.detector} found no person in any of the {len(found.views)} videos. Do they show people, large "
+            "enough and lit? `detector` names another detector, `detect.crop` a part of the images."
+        )
+    if len(found.views) > 1 and len(seen) == 1:
+        raise RecordingError(
+            f"{found.detector} found people in the video of {seen[0]!r} only; two views are needed. "
+            "`detector` names another detector, `detect.crop` a part of the images."
+        )
