@@ -3,7 +3,8 @@
     python -m benchmarks.people_reconstruction FOLDER
 
 FOLDER holds the recordings that the tests read. Printed are the median distance of each camera's detections from the
-points of the others, and the root mean square difference of the knee and hip angles.
+points of the others, and the root mean square difference of the knee and hip angles: from the laboratory's calibration,
+and from that calibration refined on the same detections, which shows how well the reference itself is known.
 """
 
 import argparse
@@ -40,12 +41,10 @@ def angles_deg(case: CalibrationCase, rig: CameraRig) -> np.ndarray:
     return degrees[:, 0][:, [names.index(name) for name in ANGLES]]
 
 
-def compare(case: CalibrationCase, rig: CameraRig) -> tuple[float, float, np.ndarray]:
-    """Return the left-out error of the true rig and of another one, and the differences of the angles, (angle,)."""
-    placed = in_true_world(rig, case.rig)
-    apart = angles_deg(case, placed) - angles_deg(case, case.rig)
-    rms = np.sqrt(np.nanmean(np.square(apart), axis=0))
-    return left_out_px(case, case.rig), left_out_px(case, placed), rms
+def _listed(apart_deg: np.ndarray) -> str:
+    """Return the root mean square of differences of the angles, as text."""
+    rms = np.sqrt(np.nanmean(np.square(apart_deg), axis=0))
+    return ", ".join(f"{name} {value:.2f}" for name, value in zip(ANGLES, rms, strict=True)) + " degrees RMS"
 
 
 def main() -> None:
@@ -55,15 +54,23 @@ def main() -> None:
     given = parser.parse_args()
     warnings.simplefilter("ignore")
     case = recording("balancing", given.folder)
+    refined = posefuse.refine_calibration(case.rig, case.detections).rig
+    references = {
+        "laboratory": angles_deg(case, case.rig),
+        "refined": angles_deg(case, in_true_world(refined, case.rig)),
+    }
+    print("angles, refined - laboratory:", _listed(references["refined"] - references["laboratory"]))
     for focal_known in (True, False):
         found = calibrate(case, focal_known=focal_known)
-        lab_px, people_px, rms = compare(case, CameraRig(found.estimate.cameras))
+        placed = in_true_world(CameraRig(found.estimate.cameras), case.rig)
+        lab_px, people_px = left_out_px(case, case.rig), left_out_px(case, placed)
+        angles = angles_deg(case, placed)
         print(f"lenses {'known' if focal_known else 'unknown'}")
         print(
             f"  left-out views: laboratory {lab_px:.2f} px, people {people_px:.2f} px ({people_px / lab_px - 1.0:+.1%})"
         )
-        for name, value in zip(ANGLES, rms, strict=True):
-            print(f"  {name}: {value:.2f} degrees RMS")
+        for name, reference in references.items():
+            print(f"  angles, people - {name}:", _listed(angles - reference))
 
 
 if __name__ == "__main__":

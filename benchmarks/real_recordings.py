@@ -30,7 +30,7 @@ def pose2sim(folder: Path) -> tuple[CameraRig, Detections]:
 def fly_3cam(folder: Path) -> tuple[CameraRig, Detections]:
     """Read a tethered fly in front of telephoto lenses, DeepLabCut."""
     from posefuse.io.keypoints.columns import ViewColumns, assemble
-    from posefuse.io.keypoints.names import skeleton_of
+    from posefuse.skeleton.from_names import skeleton_of
 
     rig = posefuse.read_cameras(folder / "fly_3cam" / "calibration.toml", length_unit="mm")
     views = []
