@@ -228,6 +228,24 @@ def test_scene_points_give_the_poses(videos, tmp_path, capsys):
         assert c.sd("center_z_m") > sd
 
 
+def test_known_points_define_the_world_of_a_calibration_by_a_board(videos, tmp_path, capsys):
+    truth, lenses, output = small_rig(), tmp_path / "lenses.toml", tmp_path / "calibration.toml"
+    write(truth, lenses)
+    points = write_scene(truth, tmp_path / "points.toml")
+    words = ["calibrate", str(videos), "--board", SPEC, "--intrinsics", str(lenses), "--jobs", "1", "-o", str(output)]
+    main([*words, "--origin-points", str(points)])
+    assert "The world is that of 8 points of known position" in " ".join(capsys.readouterr().out.split())
+    found = posefuse.read_cameras(output)
+    assert found.up_axis == "z"
+    for a, b in zip(found.cameras, truth.cameras, strict=True):
+        assert np.linalg.norm(a.center_m - b.center_m) < 0.01
+    assert found.covariance() is not None
+    output.unlink()
+    with pytest.raises(SystemExit):
+        main([*words, "--origin-points", str(points), "--scene-points", str(points), "--overwrite"])
+    assert "define the world already" in " ".join(capsys.readouterr().err.split())
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

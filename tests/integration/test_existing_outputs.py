@@ -22,6 +22,7 @@ from posefuse.io.calibration.anipose import write as write_calibration
 from posefuse.io.stream import lines_of
 from posefuse.synthetic.options import CLEAN, SceneOptions
 from tests.boards import SPEC, render, small_rig
+from tests.conftest import ROOT
 
 SHORT = ("--duration-s", "0.2", "--cameras", "3")
 FAST = ("--solve", "frame", "--pairs", "labels", "--people", "one", "--end-s", 0.4)
@@ -66,6 +67,7 @@ REFUSES: dict[str, Callable[[Inputs], Arguments]] = {
     "sync": lambda given: (given.late, "--keypoints", given.late / "keypoints.nc"),
     "calibrate-noise": lambda given: (given.recording, "--end-s", 0.4),
     "board": lambda _: ("-o", "out.pdf"),
+    "people": lambda given: (given.result, "-o", "people.html"),
     "calibrate": lambda given: (
         given.board_videos,
         "--board",
@@ -99,7 +101,10 @@ WRITES_NOTHING: dict[str, Callable[[Inputs], Arguments]] = {
     "replay": lambda given: (given.recording,),
     "methods": lambda _: (),
     "formats": lambda _: (),
+    "detector": lambda _: ("list",),
 }
+CHECKED_ELSEWHERE = {"detect": "unit/pipeline/test_detect.py", "run": "unit/pipeline/run/test_recipe.py"}
+"""Commands that need videos and resume, and the tests of what they do to an existing output."""
 
 
 @pytest.fixture(scope="module")
@@ -158,8 +163,9 @@ def has_overwrite(command: str) -> bool:
 
 def test_every_command_is_covered():
     writing = {name.partition(" ")[0] for name in (*REFUSES, *RESUMES)}
-    assert set(COMMANDS) == {*writing, *WRITES_NOTHING}
-    assert {name for name in COMMANDS if has_overwrite(name)} == writing
+    assert set(COMMANDS) == {*writing, *WRITES_NOTHING, *CHECKED_ELSEWHERE}
+    assert {name for name in COMMANDS if has_overwrite(name)} - CHECKED_ELSEWHERE.keys() == writing
+    assert all((ROOT / "tests" / test).is_file() for test in CHECKED_ELSEWHERE.values())
 
 
 def fail_to_replace(monkeypatch) -> None:

@@ -30,6 +30,17 @@ def test_flags_override_a_project_file(run, recording, tmp_path):
     assert "4 views match 4 cameras" in output
 
 
+def test_options_with_the_names_of_commands_are_used(run, recording, tmp_path):
+    project = tmp_path / "own.toml"
+    project.write_text(
+        'people = "one"\n[sync]\ncameras = ["cam_1"]\nstart_s = [0.0]\noffset_s = [0.1]\ndrift_ppm = [0.0]\n'
+    )
+    code, _, output = run("reconstruct", recording, "-o", tmp_path / "o", "--options", project)
+    assert code == 0, output
+    options = posefuse.read_reconstruction(tmp_path / "o" / "reconstruction.nc").options
+    assert (options.people, options.sync.offset_s) == ("one", (0.1,))
+
+
 def test_project_file_with_every_option_runs(run, recording, tmp_path):
     assert run("init", tmp_path / "all.toml", "--all")[0] == 0
     code, _, output = run("reconstruct", recording, "-o", tmp_path / "o", "--options", tmp_path / "all.toml")

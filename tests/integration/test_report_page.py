@@ -6,8 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from posefuse.pipeline.report_videos import write_report
 from posefuse.report.html import render_report
 from tests.people import simulate_walkers, track_perfectly
+from tests.videos import coded_video, moving_sticks
 
 HOSTILE = '<img src=x onerror="window.ran=1">'
 
@@ -168,3 +170,75 @@ def test_view_follows_a_person(page):
     assert page.locator("#follow").input_value() == "0"
     assert canvas_hash(page) != before
     page.select_option("#follow", "-1")
+
+
+@pytest.fixture(scope="module")
+def filmed(browser, tmp_path_factory):
+    """The report of two people with a video of every camera; the gray of an image states its number."""
+    folder = tmp_path_factory.mktemp("filmed")
+    videos = {f"cam{i}": coded_video(folder / f"cam{i}.mp4") for i in range(2)}
+    (path,) = write_report(moving_sticks(), folder / "report.html", videos=videos)
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    page.goto(path.as_uri())
+    page.wait_for_function("video.readyState >= 2")
+    yield page
+    page.close()
+
+
+def image_number(page) -> int:
+    """Return the number that the gray of the shown image states."""
+    gray = page.evaluate(
+        """() => { const c = document.createElement("canvas"), ink = c.getContext("2d"); c.width = c.height = 3;
+        ink.drawImage(video, 0, 0, 3, 3); return ink.getImageData(1, 1, 1, 1).data[1]; }"""
+    )
+    return round((gray - 20) / 10)
+
+
+@pytest.mark.parametrize("frame", [0, 3, 10, 7])
+def test_video_shows_the_image_of_the_frame_with_its_skeleton(filmed, frame):
+    filmed.evaluate(f"scrub.value = {frame}; scrub.dispatchEvent(new Event('input'))")
+    filmed.wait_for_function(f"!video.seeking && document.getElementById('video-canvas').dataset.frame === '{frame}'")
+    filmed.wait_for_timeout(100)
+    assert image_number(filmed) == frame
+    result = moving_sticks()
+    x, y = result.rig.cameras[0].project(np.asarray(result.layers["measured"].points_m)[frame, 0, 1])[0]
+    width, height = result.rig.cameras[0].size_px
+    drawn = filmed.evaluate(
+        """([x, y]) => { const sheet = document.getElementById("video-canvas"), ink = sheet.getContext("2d");
+        return [...ink.getImageData(Math.round(x * sheet.width), Math.round(y * sheet.height), 1, 1).data]; }""",
+        [(float(x) + 0.5) / width, (float(y) + 0.5) / height],
+    )
+    assert drawn[3] > 200
+
+
+def test_video_follows_playback_and_the_selected_camera(filmed):
+    filmed.keyboard.press("Home")
+    filmed.click("#play")
+    filmed.wait_for_function("!video.paused && video.currentTime > 0.1", timeout=10_000)
+    filmed.click("#play")
+    filmed.wait_for_function("video.paused && !video.seeking", timeout=10_000)
+    filmed.wait_for_timeout(100)
+    assert image_number(filmed) == frame_of(filmed)
+    filmed.select_option("#view", "1")
+    assert filmed.locator("#film-cameras button").nth(1).get_attribute("aria-pressed") == "true"
+    filmed.wait_for_function("video.readyState >= 2")
+    filmed.select_option("#view", "-1")
+
+
+def test_videos_fit_a_phone(filmed):
+    filmed.set_viewport_size({"width": 390, "height": 800})
+    filmed.wait_for_function("document.documentElement.scrollWidth <= 390", timeout=10_000)
+    box, sheet = (filmed.locator(f"#{name}").bounding_box() for name in ("video", "video-canvas"))
+    assert box == sheet
+    assert box["width"] / box["height"] == pytest.approx(4 / 3, rel=0.01)
+    filmed.set_viewport_size({"width": 1280, "height": 900})
+
+
+def test_page_states_why_it_shows_no_video(browser, tmp_path):
+    video = coded_video(tmp_path / "a.mp4", size_px=(240, 320))
+    (path,) = write_report(moving_sticks(), tmp_path / "report.html", videos={"cam0": video})
+    page = browser.new_page()
+    page.goto(path.as_uri())
+    assert "The video of cam0 is not shown" in page.locator("#video-note").inner_text()
+    assert not page.locator("#video").is_visible()
+    page.close()

@@ -162,6 +162,7 @@ def valid_call(w: SimpleNamespace, name: str, member: Any) -> tuple[Callable[...
         "CheckpointFolder": w.checkpoint, "Detections": w.scene.detections, "Finding": None, "Frame": w.frame,
         "InferredUp": w.inferred, "Layer": w.layer, "NoiseModel": w.people.noise, "PeoplePoints": w.paired,
         "Reconstruction": w.result, "Skeleton": w.scene.detections.skeleton, "StoredPoints": w.points,
+        "Synchronization": posefuse.Synchronization(posefuse.SyncOptions(), posefuse.SyncOptions(), ()),
         "Tracker": w.tracker, "Tracks": w.people.tracks,
     }  # fmt: skip
     instance = posefuse.__getattr__(owner)() if "Options" in owner and method else instances.get(owner)

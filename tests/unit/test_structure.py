@@ -26,7 +26,12 @@ WITHOUT_SOURCE = {
 
 TESTED_ELSEWHERE = {
     "integration/test_batch_command.py": ("batch/work.py",),
-    "integration/test_calibrate_by_people.py": ("pipeline/calibrate.py",),
+    "integration/test_calibrate_by_people.py": (
+        "calibration/scene/origin.py",
+        "pipeline/place_calibration.py",
+        "pipeline/recalibrate.py",
+    ),
+    "integration/test_calibrate_combined.py": ("pipeline/calibrate.py", "pipeline/calibrate_combined.py"),
     "integration/test_calibrate_command.py": (
         "io/board_images.py",
         "pipeline/calibrate_board.py",
@@ -35,7 +40,6 @@ TESTED_ELSEWHERE = {
         "pipeline/detect_board.py",
         "pipeline/wrong_board.py",
         "detection/boards/layout.py",
-        "io/cache.py",
         "visualize/board_sheet.py",
     ),
     "integration/test_command_line.py": ("cli/*.py",),
@@ -64,13 +68,18 @@ TESTED_ELSEWHERE = {
         "calibration/uncertainty.py",
         "pipeline/refine_calibration.py",
     ),
+    "unit/calibration/people/test_known_estimate.py": ("calibration/people/known_cameras.py",),
     "unit/calibration/people/test_match.py": (
         "calibration/people/assemble.py",
         "calibration/people/bodies.py",
-        "calibration/people/body_bundle.py",
         "calibration/people/sample_sides.py",
         "calibration/people/sides.py",
     ),
+    "unit/detection/test_process.py": (
+        "detection/shared_images.py",
+        "detection/workers/serve.py",
+    ),
+    "unit/detection/workers/test_onnx_model.py": ("detection/workers/onnx_sessions.py",),
     "unit/diagnostics/test_registry.py": (
         "diagnostics/camera_poses.py",
         "diagnostics/camera_resection.py",
@@ -107,6 +116,8 @@ TESTED_ELSEWHERE = {
     "unit/io/results/test_gltf.py": ("io/results/sticks.py",),
     "unit/io/results/test_netcdf.py": ("io/netcdf.py",),
     "unit/io/results/test_write.py": ("model/track_events.py",),
+    "unit/pipeline/run/test_plan.py": ("pipeline/run/view_facts.py",),
+    "unit/pipeline/run/test_recipe.py": ("pipeline/run/calibrate_stage.py",),
     "unit/io/test_checkpoints.py": ("pipeline/measured_layer.py",),
     "unit/io/test_options.py": ("io/options_template.py",),
     "unit/io/test_recording.py": ("io/folder_locks.py",),
@@ -130,6 +141,10 @@ TESTED_ELSEWHERE = {
     "unit/noise/test_estimate.py": (
         "noise/error_model.py",
         "noise/scales.py",
+    ),
+    "unit/pipeline/test_detect.py": (
+        "pipeline/detection/assemble.py",
+        "pipeline/detection/output.py",
     ),
     "unit/pipeline/test_distributed.py": (
         "pipeline/people/model_layer.py",

@@ -7,7 +7,7 @@ from posefuse.association.one_subject import SingleSubject, longest_subject, lon
 from posefuse.errors import DetectionsError
 from posefuse.model.detections import Detections
 from posefuse.model.tracks import Tracks, TrackState
-from tests.scenes import skeleton_of
+from tests.scenes import ring, skeleton_of
 
 
 def detections_of_sizes(sizes: list[list[list[float]]], ids: list[int] | None = None) -> Detections:
@@ -49,18 +49,18 @@ def test_choice_by_size_has_a_note_if_a_view_shows_several_people():
     assert "may show different people" in SingleSubject.of(several, "largest").note
 
 
-def test_longest_subject_has_the_most_detections_in_all_views():
+def test_longest_subject_is_the_one_whom_both_views_see():
     detections = detections_of_sizes([[[1, 1], [1]], [[1, 1], [1, 1]], [[1], []]])
     # Person a: frames 0 and 1 in one view; person b: five detections.
     rows = np.array([[[0, -1], [1, 0]], [[0, -1], [1, 1]], [[-1, -1], [0, -1]]], dtype=np.int32)
     tracks = Tracks(("a", "b"), rows, np.full((3, 2), TrackState.ACTIVE, dtype=np.int8))
-    subject = longest_subject(detections, tracks)
+    subject = longest_subject(ring(2), detections, tracks)
     assert subject.tracks(0, 3).person_ids == ("person_1",)
     assert subject.tracks(0, 3).detection[:, 0].tolist() == rows[:, 1].tolist()
     assert subject.tracks(1, 2).detection[:, 0].tolist() == [[1, 1]]
-    assert "whom the cameras see longest (83% of" in subject.note
+    assert "stays longest in the common volume" in subject.note
     with pytest.raises(DetectionsError, match="no person was tracked.*`pick='largest'`"):
-        longest_subject(detections, Tracks((), rows[:, :0], np.zeros((3, 0), dtype=np.int8)))
+        longest_subject(ring(2), detections, Tracks((), rows[:, :0], np.zeros((3, 0), dtype=np.int8)))
 
 
 def test_selects_the_largest_person():

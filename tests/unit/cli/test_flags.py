@@ -21,18 +21,23 @@ from tests.conftest import ROOT
 SOURCES = [path for path in sorted((ROOT / "src" / "posefuse").rglob("*.py")) if "cli" not in path.parts]
 
 OTHER_TEXT = {
+    "detection/environments.py": "flags of pip and uv",
+    "detection/interpreters.py": "flags of uv",
+    "report/contact_sheet.py": "the flag to copy from the page",
     "report/people.py": "a CSS variable",
     "report/calibration/tables.py": "a CSS variable",
     "io/recording.py": "the command to calibrate a board with",
     "io/videos/writer.py": "a flag of pip",
     "io/options_template.py": "a file",
+    "io/project.py": "a file",
 }
 """Files whose texts contain flags that are not arguments of posefuse, or that only the command line writes."""
 
 OTHER_ARGUMENTS = {
-    "accept_findings", "also", "angle", "board", "calibration", "figure", "format", "images", "input",
-    "intrinsics", "jobs", "keypoints", "output", "overwrite", "path", "recording", "save", "scene_points",
-    "scheduler", "sync", "timestamps", "videos",
+    "accept_findings", "also", "angle", "board", "calibration", "detect.crop", "detector", "device", "figure",
+    "format", "images", "input", "intrinsics", "jobs", "keypoints", "output", "overwrite", "path", "python",
+    "recording", "reference", "save", "scene_points", "scheduler", "sync", "timestamps", "video", "videos",
+    "weights",
 }  # fmt: skip
 """Arguments of functions and commands that are no options, and that messages may name."""
 

@@ -7,7 +7,7 @@ import pytest
 from benchmarks.fault_scenes import Scene
 
 from posefuse.diagnostics.examine import examine
-from posefuse.diagnostics.frame_rates import RATE_ERRORS, growth
+from posefuse.diagnostics.frame_rates import RATE_ERRORS, STANDARD_RATES_HZ, growth, possible_errors
 from posefuse.diagnostics.registry import list_findings
 from posefuse.diagnostics.time_offsets import time_views
 from posefuse.model.findings import FindingKind
@@ -32,7 +32,7 @@ def test_frame_rate_is_named_and_corrected(walk, rate_hz, start_s):
     assert f"about {rate_hz:.4g} instead of 25 Hz" in finding.sentence
     timings = time_views(examination)
     assert timings is not None
-    (wrong,) = [timing for timing in timings if timing.is_wrong]
+    (wrong,) = [timing for timing in timings if timing.is_corrected]
     assert wrong.drift_ppm[0] == pytest.approx(1e6 * (25.0 / rate_hz - 1.0), abs=1000.0)
     assert wrong.offset_s[0] == pytest.approx(start_s, abs=0.02)
 
@@ -42,3 +42,11 @@ def test_errors_of_all_pairs_of_rates_are_distinct():
     assert len(stated) == 16
     assert np.diff(stated).min() > 0.01
     assert [1.0 / (1.0 - growth(error)) for error in RATE_ERRORS] == pytest.approx(stated.tolist())
+
+
+@pytest.mark.parametrize("stated_hz", [24.0, 25.0, 29.97, 30.0, 59.94])
+def test_only_rates_of_cameras_are_possible(stated_hz):
+    true = sorted(stated_hz / (1.0 + error) for error in possible_errors(1.0 / stated_hz))
+    others = [rate for rate in STANDARD_RATES_HZ if abs(rate / stated_hz - 1.0) > 0.01]
+    assert true == pytest.approx(others, rel=0.005)
+    assert possible_errors(1.0 / 77.0) == RATE_ERRORS

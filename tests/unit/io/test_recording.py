@@ -66,6 +66,9 @@ def test_missing_input_is_an_error_with_the_option(tmp_path):
     recording = find_recording(tmp_path)
     with pytest.raises(RecordingError, match="No calibrations found in .*Set `calibration` to its path"):
         choose_calibration(recording)
+    with pytest.raises(RecordingError, match="has a video, but no 2D keypoints.*posefuse run"):
+        choose_keypoints(recording)
+    (tmp_path / "videos" / "cam.mp4").unlink()
     with pytest.raises(RecordingError, match="No sets of 2D keypoints found in .*Set `keypoints` to its path"):
         choose_keypoints(recording)
     with pytest.raises(FileError, match="No recording at"):

@@ -1,10 +1,13 @@
 """Covariance of the parameters of a camera."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from posefuse.errors import CameraError
 from posefuse.model.camera_covariance import CENTER, CameraCovariance
+from tests.scenes import ring
 
 MATRIX = np.array([[4.0, 1.0], [1.0, 9.0]])
 
@@ -16,6 +19,13 @@ def test_parameters_are_found_by_name():
     assert covariance.block(CENTER).tolist() == np.diag([4.0, 0.0, 0.0]).tolist()
     with pytest.raises(CameraError, match="no parameter 'fx'"):
         covariance.sd("fx")
+
+
+def test_a_correlation_of_another_size_is_refused():
+    rig, covariance = ring(2), CameraCovariance("cam_0", ("fx_px", "fy_px"), MATRIX)
+    assert replace(rig, covariances=(covariance,)).covariance() is None
+    with pytest.raises(CameraError, match="2 x 2"):
+        replace(rig, covariances=(covariance,), correlation=np.eye(3))
 
 
 @pytest.mark.parametrize(

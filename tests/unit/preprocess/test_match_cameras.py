@@ -39,6 +39,13 @@ class TestMatching:
         ):
             match_views(named(ring(2), "left", "right"), views("0", "1"), Options())
 
+    def test_camera_order_may_name_cameras_that_a_refinement_left_out(self):
+        rig = replace(named(ring(2), "left", "right"), left_out=("middle",))
+        order = Options(camera_order=("right", "middle", "left"))
+        rig, detections, notes = match_views(rig, views("0", "1", "2"), order)
+        assert (rig.names, detections.view_names) == (("right", "left"), ("0", "2"))
+        assert "were left out when the calibration was refined: 1." in notes[0]
+
     def test_by_camera_order(self):
         order = Options(camera_order=("right", "left"))
         rig, _, _ = match_views(named(ring(2), "left", "right"), views("0", "1"), order)

@@ -113,3 +113,16 @@ def test_missing_files_and_cameras_are_errors(tmp_path):
         read_sync(tmp_path / "none.toml")
     with pytest.raises(MatchError, match="'c'"):
         shift_views(straight(), ("a", "b"), SyncOptions(("c",), (0.0,), (0.1,), (0.0,)))
+
+
+def test_views_that_start_seconds_apart_keep_all_frames():
+    detections = straight(2.4 + 50, 100)
+    sync = SyncOptions(("b",), (0.0,), (52.4 / RATE,), (0.0,))
+    step = shift_views(detections, ("a", "b"), sync)
+    assert step.detections.n_frames == 152
+    assert step.detections.recorded.sum(axis=0).tolist() == [100, 100]
+    shown = interpolate_to_frame_times(step, SingleSubject.of(step.detections, None)).dense()[0][..., 0, 0]
+    both = np.isfinite(shown).all(axis=1)
+    assert both.sum() == 47
+    assert shown[both, 1] == pytest.approx(shown[both, 0])
+    assert sync.time_shifted(("a", "b"), step.time_s, 1.0 / RATE).all()

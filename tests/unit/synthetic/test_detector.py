@@ -6,7 +6,7 @@ from scipy.stats import kstest, t
 
 from posefuse.errors import OptionsError
 from posefuse.synthetic.detector import detect, on_intervals
-from posefuse.synthetic.options import CLEAN, DetectorOptions, SceneOptions
+from posefuse.synthetic.options import CLEAN, CURRENT, DetectorOptions, SceneOptions
 from posefuse.synthetic.rigs import build_rig
 from posefuse.synthetic.scenes import simulate
 from tests.scenes import skeleton_of
@@ -39,6 +39,16 @@ class TestDetector:
         assert 0.6 < np.nanmedian(confidence) < 0.9
         assert np.nanmin(confidence) > 0
         assert np.nanmax(confidence) < 1
+
+    def test_assumed_errors_of_a_current_detector_are_half_of_the_measured_ones(self):
+        (measured, _), (current, _) = (
+            self.noise(DetectorOptions(noise, outlier_share=0, miss_share=0, swap_share=0))
+            for noise in ("measured", "rtmpose")
+        )
+        both = np.isfinite(measured) & np.isfinite(current)  # large errors leave the image
+        assert both.mean() > 0.999
+        assert current[both] == pytest.approx(measured[both] / 2)
+        assert CURRENT.outlier_share < DetectorOptions().outlier_share
 
     def test_correlation_time_is_independent_of_the_frame_rate(self):
         only_noise = DetectorOptions(outlier_share=0, miss_share=0, swap_share=0)

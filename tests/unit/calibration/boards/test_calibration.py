@@ -181,3 +181,13 @@ def test_time_offsets_can_be_disabled():
     assert [report.offset_s for report in fixed.cameras] == [0.0, 0.0, 0.0]
     free = calibrate_board(detections, BOARD, sizes(rig), intrinsics=unplaced(rig))
     assert free.held_out.rms_px < 0.6 * fixed.held_out.rms_px
+
+
+def test_no_combination_of_parameters_is_exact_in_a_short_recording():
+    """With fewer periods than parameters, the covariance of the variation between periods is singular."""
+    rig = board_rig()
+    covariance = calibrate_board(board_detections(rig, n_frames=12), BOARD, sizes(rig)).rig.covariance()
+    assert len(covariance.parameters) == 3 * 9 + 2 * 6
+    assert np.array_equal(covariance.matrix, covariance.matrix.T)
+    sd = np.sqrt(np.diag(covariance.matrix))
+    assert np.linalg.eigvalsh(covariance.matrix / sd / sd[:, None])[0] > 1e-8

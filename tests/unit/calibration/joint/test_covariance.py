@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from posefuse.calibration.joint.covariance import design_effect
 from posefuse.kernels.calibration.joint import decaying_sums
 
 
@@ -15,3 +16,12 @@ def test_decaying_sums_equal_the_double_sum(rng):
     for t in range(20):
         weights = np.exp(-(time_s[t] - time_s[: t + 1]) / reach_s)
         assert summed[t] == pytest.approx(np.einsum("t,tsp->sp", weights, rows[: t + 1]))
+
+
+@pytest.mark.parametrize("alike", [1.0, 8.0])
+def test_design_effect_counts_similar_observations(rng, alike):
+    """Observations that come ``alike`` times each have ``alike`` times the spread that their curvature pretends."""
+    rays = rng.standard_normal((200, 5))
+    curvature = alike * rays.T @ rays
+    assert design_effect(np.eye(5), curvature, alike * curvature) == pytest.approx(alike)
+    assert design_effect(np.eye(5), curvature, 1e4 * curvature) == 50.0

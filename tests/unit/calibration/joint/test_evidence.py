@@ -90,7 +90,7 @@ def test_two_cameras_have_an_offset_and_no_drift():
         rotation=recording.rotation[:2],
         center_m=recording.center_m[:2],
     )
-    joint = estimate(two, prior_sd=np.tile([0.02] * 3 + [0.02] * 3 + [1.0, 5e-4], (2, 1)))
+    joint = estimate(two, prior=np.tile([0.02] * 3 + [0.02] * 3 + [1.0, 5e-4], (2, 1)))
     assert joint is not None
     choices = choose(joint)
     assert [choice.explanation.kind for choice in choices] == ["offset"]

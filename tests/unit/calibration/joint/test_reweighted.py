@@ -4,6 +4,7 @@ import numpy as np
 from benchmarks.clock_coverage import simulate
 
 from posefuse.calibration.joint.estimate import PRIOR_SD, JointEstimate, estimate
+from posefuse.calibration.joint.prior import Prior
 from posefuse.calibration.joint.reweighted import reweighted
 
 
@@ -16,10 +17,10 @@ def test_poses_of_a_walking_person_are_more_accurate():
     before, after, normalized = [], [], []
     for seed in range(4):
         recording, truth = simulate("walks", 12.0, np.random.default_rng([seed, 8]))
-        prior_sd = np.tile(PRIOR_SD, (recording.n_views, 1))
-        joint = estimate(recording, max_samples=120, prior_sd=prior_sd)
+        prior = Prior.of_sds(np.tile(PRIOR_SD, (recording.n_views, 1)))
+        joint = estimate(recording, max_samples=120, prior=prior)
         assert joint is not None
-        again = reweighted(joint, recording, prior_sd)
+        again = reweighted(joint, recording, prior)
         before.append(np.square(pose_errors(joint, truth)[:, :3]).mean())
         after.append(np.square(pose_errors(again, truth)[:, :3]).mean())
         normalized.append((pose_errors(again, truth) / again.sd[:, :6]).ravel())

@@ -70,6 +70,12 @@ def test_same_input_gives_the_same_bytes():
     assert first.cameras == second.cameras
 
 
+def test_two_cameras_that_do_not_determine_their_focal_lengths_are_refused():
+    matched = disturbed(walking_person(cameras=2, duration_s=3.0)[0], 2, focal=0.1)
+    with pytest.raises(CalibrationError, match="do not determine the focal lengths.*Give the lenses"):
+        estimate_people(matched)
+
+
 def test_views_without_shared_people_are_refused():
     matched, _ = walking_person(cameras=2, duration_s=2.0)
     apart = replace(matched, offset_s=np.array([0.0, 100.0]))

@@ -45,6 +45,14 @@ def test_time_offsets_and_different_rates(rng):
     np.testing.assert_allclose(matched.offset_s, offsets_s, atol=0.02)
 
 
+def test_views_that_start_seconds_apart(rng):
+    offsets_s = (0.0, 3.0, -1.5, 1.0)
+    people = filmed_person(RIG, rng, duration_s=12.0, offsets_s=offsets_s, rates_hz=(30.0, 25.0, 60.0, 30.0))
+    matched = match_views(replace(people, max_offset_s=6.0))
+    assert np.median(pose_errors(RIG, matched)[0]) < 1.5
+    np.testing.assert_allclose(matched.offset_s, offsets_s, atol=0.02)
+
+
 def test_exchanged_sides_are_corrected(rng):
     people = filmed_person(RIG, rng)
     matched = match_views(with_sides_exchanged(people, 2, 0.33))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import posefuse
-from posefuse.calibration.people.tracks import MOST_FRAMES, MOST_TRACKS, link_rows, tracks_in_views
+from posefuse.calibration.people.tracks import MOST_FRAMES, MOST_TRACKS, tracks_in_views
 from posefuse.errors import DetectionsError
 from posefuse.model.detections import Detections
 from posefuse.skeleton.skeletons import find_skeleton
@@ -13,35 +13,6 @@ from posefuse.synthetic.crowds import simulate_crowd
 
 def crowd(**options):
     return simulate_crowd(posefuse.CrowdOptions(people=3, cameras=3, duration_s=20.0, **options))
-
-
-def rows_of_view(scene, view: int) -> np.ndarray:
-    cells = np.repeat(
-        np.arange(scene.detections.n_frames * scene.detections.n_views), np.diff(scene.detections.offsets)
-    )
-    return np.flatnonzero(cells % scene.detections.n_views == view)
-
-
-@pytest.mark.parametrize("track_ids", [False, True])
-def test_tracks_do_not_change_their_person(track_ids):
-    """The share of detections that belong to another person than most of their track, in scenes with crossings."""
-    scene = crowd(seed=3, faults=posefuse.CrowdFaults(track_ids=track_ids))
-    wrong = kept = 0
-    for view in range(3):
-        rows = rows_of_view(scene, view)
-        starts = np.concatenate([[0], np.cumsum(scene.detections.people_counts[:, view])])
-        times = np.ascontiguousarray(scene.detections.time_s[:, view])
-        pixels, ids = scene.detections.keypoints_px[rows], scene.detections.track_ids[rows]
-        track = link_rows(
-            starts, times, np.ascontiguousarray(pixels), np.ascontiguousarray(ids), scene.detections.skeleton
-        )
-        owner = np.asarray(scene.owner)[rows]
-        for t in range(track.max() + 1):
-            people = np.unique(owner[(track == t) & (owner >= 0)], return_counts=True)[1]
-            wrong += people.sum() - people.max(initial=0)
-            kept += people.sum() if people.sum() > 12 else 0
-    assert wrong < 0.01 * kept
-    assert kept > 0.6 * len(scene.owner)
 
 
 def test_people_views_hold_long_tracks_at_the_times_of_each_view():

@@ -5,8 +5,9 @@ import pytest
 from posefuse import read_detections
 from posefuse.errors import FileError
 from posefuse.io.calibration import anipose
-from posefuse.io.keypoints.names import recordings_in, skeleton_of, view_names
+from posefuse.io.keypoints.names import recordings_in, view_names
 from posefuse.io.recording import find_recording
+from posefuse.skeleton.from_names import skeleton_of
 from tests.layouts import (
     SCENE,
     VIEWS,

@@ -116,3 +116,10 @@ def test_invalid_video_is_an_error(tmp_path):
         open_video(tmp_path)
     with pytest.raises(FileError, match="cannot be read as a video"):
         image_times_s(sound)
+
+
+def test_an_unknown_codec_is_one_sentence(tmp_path):
+    path = coded_video(tmp_path / "a.mp4", 3)
+    path.write_bytes(path.read_bytes().replace(b"avc1", b"xyz1"))
+    with pytest.raises(FileError, match=r"a\.mp4 has a codec that PyAV cannot decode. Convert it"):
+        open_video(path)

@@ -6,7 +6,7 @@ import pytest
 from posefuse.alignment.apply import aligned_rig
 from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import CameraRig, rotation_from_vector, vector_from_rotation
-from posefuse.pipeline.calibrate_people import relative_covariance
+from posefuse.pipeline.people_result import relative_changes
 from posefuse.synthetic.rigs import build_rig
 
 RIG = build_rig("ring", 4, "pinhole")
@@ -20,6 +20,11 @@ def change_of(before: CameraRig, after: CameraRig) -> np.ndarray:
         out[v, :3] = vector_from_rotation(b.rotation @ a.rotation.T)
         out[v, 3:6] = b.center_m - a.center_m
     return out
+
+
+def relative_covariance(rig: CameraRig, covariance: np.ndarray) -> np.ndarray:
+    change = relative_changes(rig, size=SIZE)
+    return (change @ covariance.reshape(change.shape) @ change.T).reshape(covariance.shape)
 
 
 def rank_one(change: np.ndarray) -> np.ndarray:

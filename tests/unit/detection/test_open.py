@@ -1,0 +1,99 @@
+"""A detector is opened by its name, its file, or as a callable."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from posefuse.detection.open import best_installed, open_detector, opens_several
+from posefuse.errors import DetectorError
+from posefuse.skeleton.skeletons import shipped_skeleton
+from tests.workers import BRIGHTNESS, worker_file
+
+IMAGES = [np.full((4, 6, 3), value, dtype=np.uint8) for value in (10, 20)]
+
+
+def brightness(image):
+    """Return one person whose keypoints are all at the brightness of the image."""
+    return np.full((1, 17, 3), float(image.mean()))
+
+
+def test_a_function_is_a_detector():
+    with pytest.raises(DetectorError, match="needs `skeleton`"):
+        open_detector(brightness)
+    detector = open_detector(brightness, skeleton="coco_17")
+    assert (detector.name, detector.skeleton) == ("brightness", shipped_skeleton("coco_17"))
+    assert [found.keypoints_px[0, 0, 0] for found in detector.detect(IMAGES)] == [10.0, 20.0]
+    assert [found.keypoints_px[0, 0, 0] for found in detector.detect(np.array(IMAGES))] == [10.0, 20.0]
+    detector.reset()
+    detector.close()
+    assert open_detector(detector) is detector
+    assert not opens_several(brightness)
+
+
+def test_a_function_with_a_memory_is_reset():
+    class Counter:
+        skeleton = "coco_17"
+        count = 0
+
+        def __call__(self, image):
+            self.count += 1
+            return np.full((17, 3), self.count)
+
+        def reset(self):
+            self.count = 0
+
+    detector = open_detector(Counter())
+    assert [found.keypoints_px[0, 0, 0] for found in detector.detect(IMAGES)] == [1.0, 2.0]
+    detector.reset()
+    assert detector.detect(IMAGES)[0].keypoints_px[0, 0, 0] == 1.0
+
+
+def test_the_exception_of_a_function_is_one_sentence():
+    def fails(image):
+        raise ValueError("no model")
+
+    with pytest.raises(DetectorError, match=r"The detector fails failed: ValueError: no model\."):
+        open_detector(fails, skeleton="coco_17").detect(IMAGES)
+
+
+def test_an_unknown_name_is_an_error():
+    with pytest.raises(DetectorError, match="no detector 'nothing'.*worker file"):
+        open_detector("nothing")
+
+
+def test_a_worker_file_is_a_detector(tmp_path):
+    path = worker_file(tmp_path, BRIGHTNESS)
+    for name in (path, str(path)):
+        detector = open_detector(name)
+        assert detector.name == "own"
+        assert detector.version.startswith("test 1 worker file ")
+        assert [found.keypoints_px[0, 0, 0] for found in detector.detect(IMAGES)] == [10.0, 20.0]
+        detector.close()
+    assert opens_several(path)
+    with pytest.raises(DetectorError, match=r"no file .*other\.py\. In its folder: own\.py"):
+        open_detector(tmp_path / "other.py")
+
+
+def test_the_interpreter_may_be_the_folder_of_its_environment(tmp_path):
+    path = worker_file(tmp_path, BRIGHTNESS)
+    (tmp_path / "lab" / "bin").mkdir(parents=True)
+    (tmp_path / "lab" / "bin" / "python").symlink_to(sys.executable)
+    open_detector(path, python=tmp_path / "lab").close()
+    with pytest.raises(DetectorError, match="no Python interpreter .*empty"):
+        open_detector(path, python=tmp_path / "empty")
+
+
+def test_a_detector_that_is_not_installed_has_its_command(tmp_path, monkeypatch):
+    monkeypatch.setenv("POSEFUSE_HOME", str(tmp_path))
+    with pytest.raises(DetectorError, match=r"not installed\. Run: posefuse detector install mediapipe \(\d+ MB"):
+        open_detector("mediapipe")
+    with pytest.raises(DetectorError, match=r"No detector is installed\. Run: posefuse detector install mediapipe"):
+        best_installed()
+    with pytest.raises(DetectorError, match=r"has no model 'hands'\. It has pose, people, holistic"):
+        open_detector("mediapipe:hands")
+    with pytest.raises(DetectorError, match=r"CPU only"):
+        open_detector("mediapipe", device="cuda")
+    with pytest.raises(DetectorError, match=r"no file weights\.onnx"):
+        open_detector("mediapipe", weights=(Path("weights.onnx"),))
