@@ -386,6 +386,17 @@ def test_help_starts_no_compiler(arguments, tmp_path):
     assert all(len(line) <= 80 for line in actual.splitlines())
 
 
+@pytest.mark.parametrize(("given", "threads"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "3"}, "3")])
+def test_linear_algebra_has_one_thread_unless_the_user_asks_for_more(given, threads):
+    """NumPy reads the variable when it is first imported."""
+    program = "import posefuse.cli, os, sys; print('numpy' in sys.modules, os.environ['OPENBLAS_NUM_THREADS'])"
+    environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    actual = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, env=environment | given
+    ).stdout
+    assert actual.split() == ["False", threads]
+
+
 def test_every_public_name_exists():
     for name in dir(posefuse):
         assert getattr(posefuse, name) is not None
