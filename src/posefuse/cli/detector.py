@@ -53,11 +53,13 @@ def detector(
 def _list_detectors() -> None:
     from posefuse.detection.environments import environment_of
     from posefuse.detection.registry import detectors
+    from posefuse.detection.weights import missing_weights
 
     for record in detectors():
         environment = environment_of(record)
         if environment.state == "installed":
-            size = f", {environment.size_mb} MB{', CUDA' if environment.cuda else ''}, {environment.folder}"
+            absent = ", weights not downloaded" if missing_weights(record.models[0]) else ""
+            size = f"{absent}, {environment.size_mb} MB{', CUDA' if environment.cuda else ''}, {environment.folder}"
         else:
             size = f", {record.requirements.size_mb} MB"
         models = ", ".join(f"{record.name}:{model.name} ({model.help})" for model in record.models if model.name)

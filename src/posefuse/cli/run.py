@@ -28,7 +28,7 @@ class _Shortcuts:
 
     detector: Annotated[
         str | None,
-        Parameter(help="Detector (posefuse detector list) or worker file; by default the best one installed."),
+        Parameter(help="Detector (posefuse detector list) or worker file; by default the best one that can run now."),
     ] = None
     weights: Annotated[tuple[Path, ...], Parameter(help="Files of the detector's weights.")] = ()
     stature_m: Annotated[

@@ -3,7 +3,7 @@
 import hashlib
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from posefuse.detection.environments import Device, environment_of, installed_py
 from posefuse.detection.onnx_description import read_onnx_description
 from posefuse.detection.process import WorkerCommand, WorkerProcess, WorkerSettings
 from posefuse.detection.registry import detectors, find_detector
+from posefuse.detection.weights import missing_weights
 from posefuse.errors import DetectorError, choices
 from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 
@@ -27,18 +28,45 @@ def opens_several(detector: AnyDetector) -> bool:
     return isinstance(detector, str | Path)
 
 
-def best_installed() -> str:
-    """Return the name of the best installed detector that needs no file.
+@dataclass(frozen=True)
+class DefaultDetector:
+    """The detector that is used if none is named.
+
+    Attributes:
+        name: its name.
+        reason: why it is the default, in a few words.
+    """
+
+    name: str
+    reason: str
+
+
+def default_detector(*, weights_given: bool = False) -> DefaultDetector:
+    """Return the best installed detector whose weights are on this computer, or else the best installed one.
+
+    Args:
+        weights_given: whether files of weights are given, which leaves the detectors that take them.
 
     Raises:
         DetectorError: if none is installed; the message has the commands that install one.
     """
     general = [record for record in detectors() if record.models[0].skeleton]
-    for record in general:
-        if environment_of(record).state == "installed":
-            return record.name
-    commands = " or ".join(f"posefuse detector install {record.name}" for record in reversed(general))
-    raise DetectorError(f"No detector is installed. Run: {commands}.")
+    general = [record for record in general if record.takes_weights or not weights_given]
+    installed = [record for record in general if environment_of(record).state == "installed"]
+    if not installed:
+        commands = " or ".join(f"posefuse detector install {record.name}" for record in reversed(general))
+        what = "No detector that takes `weights`" if weights_given else "No detector"
+        raise DetectorError(f"{what} is installed. Run: {commands}.")
+    if weights_given:
+        return DefaultDetector(installed[0].name, "the detector that takes `weights`")
+    ready = [record for record in installed if not missing_weights(record.models[0])]
+    best = installed[0]
+    if not ready:
+        return DefaultDetector(best.name, "the only one installed; it downloads its weights now")
+    if ready[0] is best:
+        return DefaultDetector(best.name, "the best one installed")
+    reason = f"because the weights of {best.name} are not on this computer; `detector='{best.name}'` downloads them"
+    return DefaultDetector(ready[0].name, reason)
 
 
 def open_detector(
@@ -96,6 +124,8 @@ def _open_worker(detector: str, python: Path | None, settings: WorkerSettings) -
     record, model = find_detector("onnx" if described else detector)
     if not described and not model.skeleton:
         raise DetectorError(f"The detector {record.name} needs the TOML file that describes the model, as its name.")
+    if settings.weights and not record.takes_weights:
+        raise DetectorError(f"The detector {record.name} takes no `weights`. {record.weights}")
     if settings.device == "cuda":
         requirements_of(record, cuda=True)
     command = WorkerCommand(

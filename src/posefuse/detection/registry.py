@@ -19,11 +19,13 @@ class DetectorModel:
         name: name after the colon of ``DETECTOR:MODEL``.
         skeleton: shipped skeleton of its keypoints; empty if a file describes it.
         help: what it detects, in a few words.
+        weights: files of weights that it downloads when it is first used; empty if its package contains them.
     """
 
     name: str
     skeleton: str
     help: str
+    weights: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,7 @@ class DetectorRecord:
         worker: name of its worker file.
         licenses: licenses of code and weights.
         weights: where the weights come from, in one sentence.
+        takes_weights: whether files of weights can be given.
         cuda: packages of its environment with CUDA, or None if it runs on the CPU only.
     """
 
@@ -66,6 +69,7 @@ class DetectorRecord:
     worker: str
     licenses: str
     weights: str
+    takes_weights: bool = False
     cuda: Requirements | None = None
 
 

@@ -4,7 +4,7 @@ import importlib.util
 import shlex
 from pathlib import Path
 
-from posefuse.detection.open import best_installed
+from posefuse.detection.open import default_detector
 from posefuse.errors import DetectorError
 from posefuse.io.videos.find import find_videos
 
@@ -31,7 +31,7 @@ def _missing() -> list[str]:
     """Return the commands that install what a run needs and lacks."""
     commands = [] if importlib.util.find_spec("av") else ["pip install 'posefuse[video]'"]
     try:
-        best_installed()
+        default_detector()
     except DetectorError:
         commands.append("posefuse detector install mediapipe")
     return commands

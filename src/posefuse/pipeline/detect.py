@@ -16,7 +16,7 @@ from typing import Any
 from posefuse.arguments import checked
 from posefuse.checkpoint import Checkpoint
 from posefuse.detection.detector import Detector
-from posefuse.detection.open import AnyDetector, best_installed, open_detector, opens_several
+from posefuse.detection.open import AnyDetector, default_detector, open_detector, opens_several
 from posefuse.io.checkpoints import CheckpointFolder, digest_of
 from posefuse.io.files import replacing, writable
 from posefuse.io.folder_locks import exclusive_folder
@@ -124,9 +124,13 @@ class Given:
     detector: Any = None
     skeleton: str | Path | Skeleton | None = None
 
-    def opener(self, options: DetectOptions) -> tuple[AnyDetector, Callable[[], Detector]]:
-        """Return what is opened, and a function that opens it."""
-        chosen = self.detector if self.detector is not None else (options.detector or best_installed())
+    def opener(self, options: DetectOptions, progress: Progress) -> tuple[AnyDetector, Callable[[], Detector]]:
+        """Return what is opened, and a function that opens it; the default detector is noted."""
+        chosen = self.detector if self.detector is not None else options.detector
+        if chosen is None:
+            best = default_detector(weights_given=bool(options.weights))
+            progress.note(f"Detector: {best.name}, {best.reason}.")
+            chosen = best.name
         python = None if options.detector_python is None else Path(options.detector_python)
         weights = [Path(file) for file in options.weights]
         return chosen, partial(
@@ -156,7 +160,7 @@ def detect_videos(
     check_rectangles(sources, rectangles)
     videos_found = describe_videos(sources)
     chunks = plan_chunks(sources, options)
-    chosen, opened = given.opener(options)
+    chosen, opened = given.opener(options, progress)
     jobs = (options.jobs or os.cpu_count() or 1) if opens_several(chosen) else 1
     with _open_detectors(opened, min(jobs, max(len(chunks), 1)), borrowed=chosen) as detectors:
         first = detectors[0].result()
@@ -169,8 +173,7 @@ def detect_videos(
             output.mkdir(parents=True, exist_ok=True)
         with exclusive_folder(output, output):
             task = Task(sources, rectangles, options.max_people)
-            default_detector = given.detector is None and options.detector is None
-            work = _Detection(folder, inputs, task, options, progress, default_detector)
+            work = _Detection(folder, inputs, task, options, progress)
             outcome = DetectionOutcome(folder.keypoints, first.name, finished or ())
             if finished is None:
                 outcome = work.run(chunks, [future.result for future in detectors], first)
@@ -226,7 +229,6 @@ class _Detection:
         task: what workers do.
         options: options of the detection.
         progress: receives the progress.
-        default_detector: whether the user did not choose the detector.
     """
 
     folder: OutputFolder
@@ -234,7 +236,6 @@ class _Detection:
     task: Task
     options: DetectOptions
     progress: Progress
-    default_detector: bool
 
     def run(
         self, chunks: Sequence[Chunk], detectors: Sequence[Callable[[], Detector]], first: Detector
@@ -247,8 +248,6 @@ class _Detection:
         done = {chunk.name for chunk in chunks if stored.load(chunk.name) is not None}
         rest = [chunk for chunk in chunks if chunk.name not in done]
         n_images, n_rest = sum(chunk.n_images for chunk in chunks), sum(chunk.n_images for chunk in rest)
-        if self.default_detector:
-            self.progress.note(f"Detector: {first.name}, the best one installed.")
         if done:
             self.progress.note(f"Resuming: {n_images - n_rest} of {n_images} images are done.")
         self.progress.start("detecting", n_rest)

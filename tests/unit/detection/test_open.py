@@ -6,7 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from posefuse.detection.open import best_installed, open_detector, opens_several
+from posefuse.detection import open as opening
+from posefuse.detection.environments import Environment
+from posefuse.detection.open import default_detector, open_detector, opens_several
+from posefuse.detection.registry import find_detector
+from posefuse.detection.weights import weights_folder
 from posefuse.errors import DetectorError
 from posefuse.skeleton.skeletons import shipped_skeleton
 from tests.workers import BRIGHTNESS, worker_file
@@ -90,10 +94,45 @@ def test_a_detector_that_is_not_installed_has_its_command(tmp_path, monkeypatch)
     with pytest.raises(DetectorError, match=r"not installed\. Run: posefuse detector install mediapipe \(\d+ MB"):
         open_detector("mediapipe")
     with pytest.raises(DetectorError, match=r"No detector is installed\. Run: posefuse detector install mediapipe"):
-        best_installed()
+        default_detector()
+    with pytest.raises(DetectorError, match=r"takes `weights` is installed\. Run: posefuse detector install rtmpose\."):
+        default_detector(weights_given=True)
     with pytest.raises(DetectorError, match=r"has no model 'hands'\. It has pose, people, holistic"):
         open_detector("mediapipe:hands")
     with pytest.raises(DetectorError, match=r"CPU only"):
         open_detector("mediapipe", device="cuda")
     with pytest.raises(DetectorError, match=r"no file weights\.onnx"):
         open_detector("mediapipe", weights=(Path("weights.onnx"),))
+
+
+def test_the_default_detector_can_run_now(tmp_path, monkeypatch):
+    """Weights on this computer or given ones decide, and the reason is stated."""
+    installed = {"rtmpose", "mediapipe"}
+
+    def environment(record):
+        return Environment(tmp_path, "installed" if record.name in installed else "not installed", Path())
+
+    monkeypatch.setattr(opening, "environment_of", environment)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    best = default_detector()
+    assert best.name == "mediapipe"
+    assert best.reason == (
+        "because the weights of rtmpose are not on this computer; `detector='rtmpose'` downloads them"
+    )
+    assert default_detector(weights_given=True).name == "rtmpose"
+    installed.remove("mediapipe")
+    assert default_detector() == opening.DefaultDetector(
+        "rtmpose", "the only one installed; it downloads its weights now"
+    )
+    installed.add("mediapipe")
+    weights_folder().mkdir(parents=True)
+    for i, file in enumerate(find_detector("rtmpose")[1].weights):
+        assert default_detector().name == "mediapipe"
+        (weights_folder() / file).with_suffix(".onnx" if i else ".zip").touch()
+    assert default_detector() == opening.DefaultDetector("rtmpose", "the best one installed")
+
+
+def test_weights_for_a_detector_that_contains_them_are_refused(tmp_path):
+    (tmp_path / "a.onnx").touch()
+    with pytest.raises(DetectorError, match="mediapipe takes no `weights`"):
+        open_detector("mediapipe", weights=(tmp_path / "a.onnx",))

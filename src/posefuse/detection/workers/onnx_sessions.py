@@ -8,6 +8,12 @@ import hashlib
 from typing import Any
 
 
+class UsageError(Exception):
+    """What a user can change; the message needs neither the type of the exception nor its place in a program."""
+
+    for_users = True
+
+
 def choose_device(asked: str) -> str:
     """Return ``cuda`` or ``cpu``."""
     import onnxruntime
@@ -16,7 +22,7 @@ def choose_device(asked: str) -> str:
         onnxruntime.preload_dlls()
     available = "CUDAExecutionProvider" in onnxruntime.get_available_providers()
     if asked == "cuda" and not available:
-        raise ValueError("this ONNX Runtime has no CUDA; install the detector again with the device cuda")
+        raise UsageError("this ONNX Runtime has no CUDA; install the detector again with the device cuda")
     return "cuda" if available and asked != "cpu" else "cpu"
 
 

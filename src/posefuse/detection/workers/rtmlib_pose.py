@@ -4,11 +4,13 @@
 # pyright: reportMissingImports=false
 from __future__ import annotations
 
+import contextlib
 import os
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from onnx_sessions import choose_device, digest, limit_threads, open_session
+from onnx_sessions import UsageError, choose_device, digest, limit_threads, open_session
 
 SKELETONS = {"body17": "coco_17", "body26": "halpe_26", "wholebody133": "coco_wholebody_133"}
 SOLUTIONS = {"body17": "Body", "body26": "BodyWithFeet", "wholebody133": "Wholebody"}
@@ -34,6 +36,10 @@ class Detector:
             return
         files = self._given(settings["weights"])
         shipped: dict[str, Any] = getattr(rtmlib, SOLUTIONS[self._model]).MODE["balanced"]
+        if "both" not in files:
+            download_weights(
+                [shipped[kind] for kind, name in (("det", "person"), ("pose", "pose")) if name not in files]
+            )
         self._person: Any = None
         self._pose: Any = None
         self._both: Any = None
@@ -72,7 +78,7 @@ class Detector:
             names = [each.name for each in outputs]
             kind = "pose" if "simcc_x" in names else "both" if "keypoints" in names else "person"
             if kind in files:
-                raise ValueError(f"{path} and {files[kind]} are both weights of the same kind ({kind})")
+                raise UsageError(f"{path} and {files[kind]} are both weights of the same kind ({kind})")
             files[kind] = path
             if kind != "person":
                 axis = 1 if kind == "pose" else 2
@@ -84,21 +90,46 @@ class Detector:
         """Raise an error if weights have another number of keypoints than the chosen model; None if unknown."""
         if isinstance(count, int) and count != COUNTS[self._model]:
             better = next((f"; use rtmpose:{name}" for name, n in COUNTS.items() if n == count), "")
-            raise ValueError(f"{path} has {count} keypoints, and {self._model} has {COUNTS[self._model]}{better}")
+            raise UsageError(f"{path} has {count} keypoints, and {self._model} has {COUNTS[self._model]}{better}")
 
     def _load(self, kind: Any, path: str, size: tuple[int, int]) -> Any:
-        """Load a model with the size of its input, if the file has a fixed one; download it if it is an address."""
+        """Load a model with the size of its input, if the file has a fixed one."""
         height_width = input_size(path) if os.path.exists(path) else None
         if height_width is not None:
             # rtmlib names width and height of RTMPose, and height and width of the others.
             height, width = height_width
             size = (width, height) if kind.__name__ == "RTMPose" else (height, width)
-        try:
-            return kind(path, model_input_size=size, backend="onnxruntime", device=self._device)
-        except OSError as error:
-            if os.path.exists(path):
-                raise
-            raise OSError(f"{path} cannot be downloaded ({error}); name files of weights by `weights`") from None
+        return kind(path, model_input_size=size, backend="onnxruntime", device=self._device)
+
+
+def download_weights(addresses: list[str]) -> None:
+    """Download the weights that are not on this computer."""
+    from rtmlib.tools import file
+
+    try:
+        with one_at_a_time(file._get_rtmhub_dir()):
+            for address in addresses:
+                file.download_checkpoint(address, progress=False)
+    except OSError as error:
+        folder = os.path.join(file._get_rtmhub_dir(), "checkpoints")
+        reason = getattr(error, "reason", error)
+        raise UsageError(
+            f"its weights cannot be downloaded ({reason}). On a computer with a network, download "
+            f"{' and '.join(addresses)}. Put the files into {folder}, or unpack them and name each end2end.onnx by "
+            "`weights`"
+        ) from None
+
+
+@contextlib.contextmanager
+def one_at_a_time(folder: str) -> Iterator[None]:
+    """Wait until no other worker unpacks weights in the folder; without such locks (Windows), do not wait."""
+    os.makedirs(folder, exist_ok=True)
+    with open(os.path.join(folder, ".posefuse.lock"), "w") as file:
+        with contextlib.suppress(ImportError, OSError):
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield
 
 
 def as_rows(keypoints: np.ndarray, scores: np.ndarray) -> np.ndarray:

@@ -99,7 +99,10 @@ def answer_requests(session: Session, requests: BinaryIO, answers: BinaryIO) -> 
         except Exception as error:
             traceback.print_exc(file=sys.stderr)
             text = " ".join(str(error).split())
-            answer = {"error": f"{type(error).__name__}: {text}", "place": place_of(error, session.path)}
+            if getattr(error, "for_users", False):
+                answer = {"error": text, "place": ""}
+            else:
+                answer = {"error": f"{type(error).__name__}: {text}", "place": place_of(error, session.path)}
             payload = []
         answers.write(json.dumps(answer).encode() + b"\n")
         for part in payload:

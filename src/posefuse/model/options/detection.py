@@ -21,7 +21,7 @@ class DetectOptions:
 
     Attributes:
         detector: Name of a detector (posefuse detector list), worker file, or TOML file that describes an ONNX model;
-            by default the best one installed.
+            by default the best one that can run now.
         detector_python: Python interpreter with the detector's packages; by default that of posefuse detector install.
         weights: Files of the detector's weights; by default those it comes with or downloads.
         device: Where the detector computes.

@@ -8,7 +8,7 @@ from typing import Any
 
 from posefuse.detection.boards.library import import_opencv
 from posefuse.detection.environments import installed_python
-from posefuse.detection.open import best_installed
+from posefuse.detection.open import default_detector
 from posefuse.detection.registry import find_detector
 from posefuse.errors import PosefuseError, RecordingError, choices
 from posefuse.io.board_images import ViewImages
@@ -185,16 +185,18 @@ class _Planner:
         """Choose the detector, and return what the plan says of it."""
         if self.function_given:
             return "the given function"
-        name, known = self.run.detect.detector, True
+        name = self.run.detect.detector
         with self._collected():
             if name is None:
-                name, known = best_installed(), False
+                best = default_detector(weights_given=bool(self.run.detect.weights))
+                name = best.name
+                self.notes.append(f"Detector: {name}, {best.reason}.")
                 self.run = replace(self.run, detect=replace(self.run.detect, detector=name))
             elif not name.endswith((".py", ".toml")) and self.run.detect.detector_python is None:
                 installed_python(find_detector(name)[0])
         if name is None:
             return "no detector"
-        return name if known else f"{name}, the best detector that is installed"
+        return name
 
     def _calibrate(self) -> PlannedStage:
         """Choose what the cameras are calibrated by."""

@@ -1,10 +1,16 @@
 """RTMPose's code in its real environment, on small models with the inputs and outputs of the real ones."""
 
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
-from posefuse.detection.open import best_installed, open_detector
+from posefuse.detection.open import open_detector
+from posefuse.detection.registry import find_detector
+from posefuse.detection.weights import missing_weights, weights_folder
 from posefuse.errors import DetectorError
+from posefuse.skeleton.skeletons import shipped_skeleton
 from tests.installed import installed_home
 from tests.onnx_models import brightest_point, scaled_constants
 
@@ -37,7 +43,6 @@ def people_model(folder):
 
 @pytest.mark.parametrize(("model", "keypoints"), [("body17", 17), ("body26", 26), ("wholebody133", 133)])
 def test_several_people_are_found_in_their_boxes(home, tmp_path, model, keypoints):
-    assert best_installed() == "rtmpose"
     weights = (people_model(tmp_path), brightest_point(tmp_path / "pose.onnx", keypoints))
     detector = open_detector(f"rtmpose:{model}", weights=weights, device="cpu")
     assert len(detector.skeleton) == keypoints
@@ -84,8 +89,35 @@ def test_weights_of_another_model_are_refused(home, tmp_path):
         open_detector("rtmpose", device="cuda")
 
 
-def test_weights_that_cannot_be_downloaded_are_named(home, tmp_path, monkeypatch):
+def test_weights_that_cannot_be_downloaded_are_one_sentence(home, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setenv("https_proxy", "http://127.0.0.1:9")
-    with pytest.raises(DetectorError, match=r"yolox_m\S*\.zip cannot be downloaded .* name files of weights"):
+    with pytest.raises(
+        DetectorError, match=r"rtmpose failed: its weights cannot be downloaded .*`weights`\.$"
+    ) as raised:
         open_detector("rtmpose")
+    # The files are those that decide on the default detector.
+    text = str(raised.value)
+    assert all(name in text for name in find_detector("rtmpose")[1].weights)
+    assert str(weights_folder()) in text
+
+
+@pytest.mark.parametrize("model", ["body26", "body17", "wholebody133"])
+def test_archives_in_the_folder_of_weights_are_used(home, tmp_path, monkeypatch, model):
+    """Two detectors that start at the same time unpack them once."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("https_proxy", "http://127.0.0.1:9")
+    chosen = find_detector(f"rtmpose:{model}")[1]
+    assert missing_weights(chosen) == chosen.weights
+    models = people_model(tmp_path), brightest_point(tmp_path / "pose.onnx", len(shipped_skeleton(chosen.skeleton)))
+    weights_folder().mkdir(parents=True)
+    for name, file in zip(chosen.weights, models, strict=True):
+        with zipfile.ZipFile(weights_folder() / name, "w") as archive:
+            archive.write(file, "20230831/model/end2end.onnx")
+    assert missing_weights(chosen) == ()
+    with ThreadPoolExecutor(2) as threads:
+        for opened in [threads.submit(open_detector, f"rtmpose:{model}", device="cpu") for _ in range(2)]:
+            detector = opened.result()
+            assert len(detector.detect([picture()])[0]) == 2
+            detector.close()
+    assert missing_weights(chosen) == ()
