@@ -133,6 +133,7 @@ class _Stages:
             return
         {
             "detect": self._detection,
+            "lenses": self._lenses,
             "calibrate": self._calibration,
             "synchronize": self._synchronization,
             "reconstruct": self._reconstruction,
@@ -144,6 +145,14 @@ class _Stages:
         assert outcome.detection is not None
         _line("detect", f"by {outcome.detection.detector}")
         describe(outcome.detection)
+
+    def _lenses(self, outcome: "RunOutcome") -> None:
+        found = outcome.lenses
+        assert found is not None
+        names = ", ".join(f"{name} ({n} images)" for name, n in zip(found.rig.names, found.n_images, strict=True))
+        _line("lenses", names)
+        for reason in found.left_out.values():
+            warn(f"left out: {reason}")
 
     def _calibration(self, outcome: "RunOutcome") -> None:
         refined = outcome.refinement

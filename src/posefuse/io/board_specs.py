@@ -2,8 +2,11 @@
 
 * Text: ``charuco:4x5,square=54mm,marker=0.75,dict=4X4_1000,inverted``.
 * TOML with the table ``[board]`` and the attributes of :class:`~posefuse.model.board.Board`.
-* Caliscope's ``charuco.toml``: ``columns, rows, dictionary, aruco_scale, square_size_override_cm, inverted``.
+* Caliscope's ``charuco.toml``: ``columns, rows, dictionary, aruco_scale, square_size_override_cm, inverted``; in its
+  older ``config.toml``, the table ``[charuco]``.
 * Anipose's ``config.toml``: the table ``[calibration]`` with ``board_type, board_size, board_square_side_length``.
+* Pose2Sim's ``Config.toml``: ``intrinsics_corners_nb, intrinsics_square_size`` of ``[calibration.calculate]``.
+* FreeMoCap's calibration: the table ``[metadata.board]`` with ``squares_x, squares_y, square_length_mm``.
 * sleap-anipose's ``board.toml``: ``board_x, board_y, square_length, marker_length, marker_bits, dict_size``.
 """
 
@@ -17,13 +20,15 @@ from typing import Any
 
 from posefuse.errors import CalibrationError, FileError, PosefuseError, choices, suggestion
 from posefuse.io.files import must_exist, reading
-from posefuse.model.board import BOARD_KINDS, Board
+from posefuse.model.board import APRILTAG_DICTIONARIES, ARUCO_DICTIONARIES, BOARD_KINDS, Board
 
 EXAMPLE = "charuco:7x5,square=30mm,marker=0.75,dict=4X4_50"
 
 _UNITS_M = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "inch": 0.0254}
 _LENGTH = re.compile(r"([0-9]+(?:\.[0-9]*)?(?:[eE][-+]?[0-9]+)?)\s*(mm|cm|m|inch|in)")
 _SIZE = re.compile(r"(\d+)x(\d+)")
+_PROJECT_FILES = ("board.toml", "charuco.toml", "Config.toml", "config.toml")
+"""Names of files that describe the board of a whole project, one or two folders above its recordings."""
 _WORDS = ("square", "marker", "gap", "dict", "inverted", "legacy")
 
 
@@ -31,7 +36,8 @@ def read_board_spec(spec: str | Path) -> Board:
     """Read the description of a board.
 
     Args:
-        spec: a description in text, or the path of a TOML file of posefuse, Caliscope, Anipose or sleap-anipose.
+        spec: a description in text, or the path of a TOML file of posefuse, Caliscope, Anipose, Pose2Sim,
+            FreeMoCap or sleap-anipose.
 
     Raises:
         CalibrationError: if the description is not valid.
@@ -48,13 +54,19 @@ def read_board_spec(spec: str | Path) -> Board:
     )
 
 
-def find_board_spec(folders: Iterable[Path]) -> Path | None:
-    """Return the first TOML file in some folders that describes a board, or None."""
-    for folder in folders:
-        for file in sorted(folder.glob("*.toml")):
-            with contextlib.suppress(PosefuseError):
-                _from_file(file)
-                return file
+def find_board_spec(folders: Iterable[Path], above: Iterable[Path] = ()) -> Path | None:
+    """Return the first TOML file that describes a board, or None.
+
+    Args:
+        folders: folders whose TOML files are all read.
+        above: folders of a project, where only files with the names of known settings are read.
+    """
+    files = [file for folder in folders for file in sorted(folder.glob("*.toml"))]
+    files += [folder / name for folder in above for name in _PROJECT_FILES if (folder / name).is_file()]
+    for file in files:
+        with contextlib.suppress(PosefuseError):
+            _from_file(file)
+            return file
     return None
 
 
@@ -112,7 +124,8 @@ def _from_file(path: Path) -> Board:
                 return read(content)
     raise FileError(
         f"{path} describes no board. Supported are the table [board] with {choices(f.name for f in fields(Board))}, "
-        "Caliscope's charuco.toml, Anipose's config.toml and sleap-anipose's board.toml."
+        "Caliscope's charuco.toml, Anipose's config.toml, Pose2Sim's Config.toml, FreeMoCap's calibration and "
+        "sleap-anipose's board.toml."
     )
 
 
@@ -126,7 +139,7 @@ def _from_posefuse(content: Mapping[str, Any]) -> Board:
 
 
 def _from_caliscope(content: Mapping[str, Any]) -> Board:
-    override = content.get("square_size_override_cm")
+    override = content.get("square_size_override_cm") or content.get("square_size_overide_cm")
     if override:
         square_m = float(override) / 100.0
     else:
@@ -166,6 +179,41 @@ def _from_anipose(content: Mapping[str, Any]) -> Board:
     )
 
 
+def _from_pose2sim(content: Mapping[str, Any]) -> Board:
+    table = _pose2sim_table(content)
+    rows, columns = table["intrinsics_corners_nb"]
+    return Board("checkerboard", int(columns), int(rows), float(table["intrinsics_square_size"]) / 1000.0)
+
+
+def _pose2sim_table(content: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return Pose2Sim's settings of intrinsics; empty in other files."""
+    table: Any = content
+    for name in ("calibration", "calculate", "intrinsics"):
+        table = table.get(name) if isinstance(table, dict) else None
+    return table if isinstance(table, dict) else {}
+
+
+def _freemocap_table(content: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the board in FreeMoCap's calibration; empty in other files."""
+    metadata = content.get("metadata")
+    board = metadata.get("board") if isinstance(metadata, dict) else None
+    return board if isinstance(board, dict) else {}
+
+
+def _from_freemocap(content: Mapping[str, Any]) -> Board:
+    table = _freemocap_table(content)
+    square_mm = float(table["square_length_mm"])
+    return Board(
+        "charuco",
+        int(table["squares_x"]),
+        int(table["squares_y"]),
+        square_mm / 1000.0,
+        float(table["marker_length_mm"]) / square_mm,
+        # OpenCV's numbers of dictionaries are in the order of their names.
+        dictionary=(*ARUCO_DICTIONARIES, *APRILTAG_DICTIONARIES)[int(table["aruco_dictionary_enum"])],
+    )
+
+
 def _from_sleap_anipose(content: Mapping[str, Any]) -> Board:
     columns, rows, square = int(content["board_x"]), int(content["board_y"]), float(content["square_length"])
     if "marker_length" not in content:
@@ -185,6 +233,9 @@ def _from_sleap_anipose(content: Mapping[str, Any]) -> Board:
 _READERS = (
     (lambda content: isinstance(content.get("board"), dict), _from_posefuse),
     (lambda content: {"columns", "rows", "dictionary"} <= content.keys(), _from_caliscope),
+    (lambda content: isinstance(content.get("charuco"), dict), lambda content: _from_caliscope(content["charuco"])),
     (lambda content: "board_type" in content.get("calibration", {}), _from_anipose),
+    (lambda content: "intrinsics_corners_nb" in _pose2sim_table(content), _from_pose2sim),
+    (lambda content: "squares_x" in _freemocap_table(content), _from_freemocap),
     (lambda content: {"board_x", "board_y", "square_length"} <= content.keys(), _from_sleap_anipose),
 )

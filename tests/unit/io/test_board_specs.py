@@ -42,6 +42,20 @@ def test_text_round_trip(kind, columns, rows, square_mm, inverted):
             Board("charuco", 7, 10, 0.025, 0.75, dictionary="4X4_50", legacy=True),
         ),
         (
+            "[calibration.calculate.intrinsics]\nintrinsics_corners_nb = [4, 7]\nintrinsics_square_size = 60\n",
+            Board("checkerboard", 7, 4, 0.06),
+        ),
+        (
+            "[charuco]\ncolumns = 4\nrows = 5\nboard_height = 11.0\nboard_width = 8.5\n"
+            "dictionary = 'DICT_4X4_50'\nunits = 'inch'\naruco_scale = 0.75\nsquare_size_overide_cm = 5.4\n",
+            Board("charuco", 4, 5, 0.054, dictionary="4X4_50"),
+        ),
+        (
+            "[metadata.board]\nsquares_x = 7\nsquares_y = 5\nsquare_length_mm = 58.0\nmarker_length_mm = 46.4\n"
+            "aruco_dictionary_enum = 2\n",
+            Board("charuco", 7, 5, 0.058, 0.8, dictionary="4X4_250"),
+        ),
+        (
             "board_x = 8\nboard_y = 11\nsquare_length = 24.0\nmarker_length = 18.75\n"
             "marker_bits = 4\ndict_size = 1000\n",
             Board("charuco", 8, 11, 0.024, 18.75 / 24.0, dictionary="4X4_1000", legacy=True),

@@ -29,7 +29,7 @@ def names_of(folder: Path) -> tuple[list[str], list[str]]:
         (("left/x.mp4", "right/x.mp4"), ["left", "right"], []),
         (("pictures/a/1.jpg", "pictures/b/1.jpg"), ["a", "b"], []),
         (("calibration/intrinsics/a/1.jpg", "calibration/intrinsics/b/1.jpg", "calibration/extrinsics/a.png", "a.mp4"),
-         ["a"], ["a", "b"]),
+         ["a"], []),
     ],
 )  # fmt: skip
 def test_roles_by_name(tmp_path, files, people, board):
@@ -44,6 +44,33 @@ def test_a_board_beside_the_trials_of_a_session(tmp_path):
     made(tmp_path, "calibration/a.mp4", "calibration/b.mp4", "walk/a.mp4", "walk/b.mp4", "config.toml")
     assert names_of(tmp_path / "walk") == (["a", "b"], ["a", "b"])
     assert find_session(tmp_path).settings == ("config.toml",)
+
+
+@pytest.mark.parametrize("inside", ["1.jpg", "1.mp4"])
+def test_images_for_lenses_are_named_after_the_videos(tmp_path, inside):
+    made(tmp_path, "videos/cam01.mp4", "videos/cam02.mp4", "calibration/extrinsics/cam01_ext.png",
+         *(f"calibration/intrinsics/int_cam0{k}_img/{inside}" for k in (1, 2)))  # fmt: skip
+    session = find_session(tmp_path)
+    assert [view.name for view in session.views] == ["cam01", "cam02"]
+    assert [view.name for view in session.lens_views] == ["cam01", "cam02"]
+    assert place_of(session.lens_views, tmp_path) == "calibration/intrinsics"
+    assert session.board_views == ()
+
+
+def test_what_images_show_decides_between_several_sets(tmp_path):
+    made(tmp_path, "one/a.mp4", "one/b.mp4", "two/a.mp4", "two/b.mp4")
+    with pytest.raises(RecordingError, match="2 recordings"):
+        find_session(tmp_path)
+    session = find_session(tmp_path, None, lambda views: views[0].files[0].parent.name == "one")
+    assert place_of(session.views, tmp_path) == "two"
+    assert place_of(session.board_views, tmp_path) == "one"
+
+
+def test_settings_of_a_project_describe_the_board_of_its_sessions(tmp_path):
+    made(tmp_path, "session/a.mp4", "session/b.mp4")
+    settings = "[calibration]\nboard_type = 'checkerboard'\nboard_size = [7, 5]\nboard_square_side_length = 25\n"
+    (tmp_path / "config.toml").write_text(settings)
+    assert find_session(tmp_path / "session").board == tmp_path / "config.toml"
 
 
 def test_paths(tmp_path):

@@ -20,7 +20,9 @@ _REFINE_HALF_PX = (2, 15)
 _REFINE_STEPS = 30
 _REFINE_PX = 1e-3
 _MIN_IDENTIFYING_MARKERS = 3
-_LARGEST = tuple(name for name in ARUCO_DICTIONARIES if name.endswith(("_1000", "ORIGINAL"))) + APRILTAG_DICTIONARIES
+MARKER_FAMILIES = (
+    tuple(name for name in ARUCO_DICTIONARIES if name.endswith(("_1000", "ORIGINAL"))) + APRILTAG_DICTIONARIES
+)
 
 
 @dataclass(frozen=True)
@@ -158,18 +160,18 @@ def identify_markers(grays: list[np.ndarray]) -> MarkersFound | None:
     for mirrored in (False, True):
         for inverted in (False, True):
             images = [_changed(gray, inverted=inverted, mirrored=mirrored) for gray in grays]
-            for name in _LARGEST:
+            for name in MARKER_FAMILIES:
                 detector = cv2.aruco.ArucoDetector(dictionary_of(name))
                 seen: set[int] = set()
                 for image in images:
                     numbers = detector.detectMarkers(image)[1]
                     seen |= set() if numbers is None else set(np.ravel(numbers).tolist())
                 if len(seen) >= _MIN_IDENTIFYING_MARKERS and (best is None or len(seen) > best.n_markers):
-                    best = MarkersFound(_smallest(name, max(seen)), len(seen), max(seen), inverted, mirrored)
+                    best = MarkersFound(smallest_dictionary(name, max(seen)), len(seen), max(seen), inverted, mirrored)
     return best
 
 
-def _smallest(name: str, highest: int) -> str:
+def smallest_dictionary(name: str, highest: int) -> str:
     """Return the smallest dictionary of a family that has a marker; small ones begin the large ones."""
     family = name.rsplit("_", 1)[0]
     sizes = [each for each in ARUCO_DICTIONARIES if each.startswith(f"{family}_") and name in ARUCO_DICTIONARIES]

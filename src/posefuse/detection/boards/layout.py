@@ -8,10 +8,12 @@ import numpy as np
 from posefuse.detection.boards.library import dictionary_of, import_opencv
 from posefuse.model.board import Board, marker_count
 
-_MAX_COLUMNS = 24
+MAX_COLUMNS = 24
 _MIN_MARKERS = 5
-_FITS, _DOES_NOT_FIT = 0.06, 0.2
+FITS, _DOES_NOT_FIT = 0.06, 0.2
 """Root mean square distances of marker corners from a flat board, as shares of a marker's side."""
+
+_DRAWN_MARKER, _DRAWN_GAP = 0.5, 1.0
 
 _SIZE_STEPS = (-1, 1, -2, 2, -3, 3)
 
@@ -44,22 +46,22 @@ def find_layout(board: Board, gray: np.ndarray) -> Layout | None:
     if numbers is None or len(numbers) < _MIN_MARKERS:
         return None
     numbers, pixels = np.ravel(numbers), np.asarray(corners, dtype=np.float64).reshape(-1, 4, 2)
-    stated = _misfit(cv2, board, board.columns, numbers, pixels)
+    stated = layout_misfit(cv2, board, board.columns, numbers, pixels)
     if stated < _DOES_NOT_FIT:
-        rows = _rows(board, board.columns, numbers)
+        rows = count_rows(board, board.columns, numbers)
         return Layout(board.columns, rows) if rows > board.rows else None
-    others = {c: _misfit(cv2, board, c, numbers, pixels) for c in range(2, _MAX_COLUMNS + 1) if c != board.columns}
+    others = {c: layout_misfit(cv2, board, c, numbers, pixels) for c in range(2, MAX_COLUMNS + 1) if c != board.columns}
     best = min(others, key=lambda c: others[c])
-    return Layout(best, _rows(board, best, numbers)) if others[best] < _FITS else None
+    return Layout(best, count_rows(board, best, numbers)) if others[best] < FITS else None
 
 
-def _rows(board: Board, columns: int, numbers: np.ndarray) -> int:
+def count_rows(board: Board, columns: int, numbers: np.ndarray) -> int:
     """Return the least number of rows of a board that has some markers."""
     per_row = columns / 2 if board.kind == "charuco" else columns
     return int(np.ceil((int(numbers.max()) + 1) / per_row - 1e-9))
 
 
-def _misfit(cv2: Any, board: Board, columns: int, numbers: np.ndarray, pixels: np.ndarray) -> float:
+def layout_misfit(cv2: Any, board: Board, columns: int, numbers: np.ndarray, pixels: np.ndarray) -> float:
     """Return how far the markers are from those of a flat board with some columns, as a share of a marker's side."""
     places = _places(cv2, board, columns, int(numbers.max()))
     if places is None:
@@ -87,12 +89,16 @@ def _places(cv2: Any, board: Board, columns: int, highest: int) -> np.ndarray | 
     rows += (rows - board.rows) % 2
     if int(columns * rows / (2 if board.kind == "charuco" else 1)) > marker_count(board.dictionary):
         return None
+    # OpenCV warns of markers without a margin, so others are drawn and scaled.
     if board.kind == "charuco":
-        pattern = cv2.aruco.CharucoBoard((columns, rows), side, side * board.marker, dictionary)
+        pattern = cv2.aruco.CharucoBoard((columns, rows), side, side * _DRAWN_MARKER, dictionary)
         pattern.setLegacyPattern(board.legacy)
-    else:
-        pattern = cv2.aruco.GridBoard((columns, rows), side, side * board.gap, dictionary)
-    return np.asarray(pattern.getObjPoints(), dtype=np.float64)[:, :, :2]
+        corners = np.asarray(pattern.getObjPoints(), dtype=np.float64)[:, :, :2]
+        centers = corners.mean(axis=1, keepdims=True)
+        return centers + (corners - centers) * (board.marker / _DRAWN_MARKER)
+    pattern = cv2.aruco.GridBoard((columns, rows), side, side * _DRAWN_GAP, dictionary)
+    corners = np.asarray(pattern.getObjPoints(), dtype=np.float64)[:, :, :2]
+    return corners - corners[:, :1] * ((_DRAWN_GAP - board.gap) / (1.0 + _DRAWN_GAP))
 
 
 def find_checkerboard(board: Board, gray: np.ndarray) -> Layout | None:

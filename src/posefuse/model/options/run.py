@@ -49,6 +49,7 @@ class RunOptions:
         max_offset_s: Largest difference between the start times of two videos.
         videos: Videos of people as view=file; by default those in the folder.
         board_images: Folder with the images of the board; by default searched for.
+        lens_images: Folder with images of the board by single cameras, for their lenses; by default searched for.
         detect: Options of the detection.
         by_board: Options of a calibration by a board.
         by_people: Options of a calibration by people.
@@ -65,6 +66,7 @@ class RunOptions:
     max_offset_s: float = option(10.0, at_least=0.0, at_most=60.0)
     videos: tuple[str, ...] = option((), example='["cam1=videos/cam1.mp4"]')
     board_images: str | None = None
+    lens_images: str | None = None
     detect: DetectOptions = field(default_factory=DetectOptions)
     by_board: CalibrateOptions = field(default_factory=CalibrateOptions)
     by_people: PeopleOptions = field(default_factory=PeopleOptions)

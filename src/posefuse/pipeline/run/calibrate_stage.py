@@ -11,12 +11,10 @@ from posefuse.calibration.outcome import Refinement
 from posefuse.calibration.people.result import PeopleCalibration
 from posefuse.calibration.people.summary import summarize_people
 from posefuse.errors import CalibrationError
-from posefuse.io.board_images import ViewImages, find_images
 from posefuse.io.calibration import anipose
 from posefuse.io.calibration.read import read_cameras
 from posefuse.io.files import replacing
 from posefuse.io.open_recording import digest_path
-from posefuse.io.session import place_of
 from posefuse.model.calibration_summary import CalibrationSummary
 from posefuse.model.detections import Detections
 from posefuse.model.options.calibration import PeopleOptions
@@ -25,6 +23,7 @@ from posefuse.pipeline.calibrate_board import calibrate_by_board
 from posefuse.pipeline.calibrate_people import calibrate_by_people
 from posefuse.pipeline.calibration_report import write_calibration_report
 from posefuse.pipeline.refine_calibration import refine_calibration
+from posefuse.pipeline.run.lens_stage import board_digest, board_of, lens_inputs
 from posefuse.pipeline.run.plan import RunPlan
 from posefuse.pipeline.run.view_facts import shortest_s
 from posefuse.preprocess.start_times import with_start_times
@@ -58,12 +57,14 @@ def calibration_inputs(plan: RunPlan) -> dict[str, Any]:
     """Return what a calibration depends on beside keypoints and their times, as JSON values."""
     run = plan.choices
     values: dict[str, Any] = {"way": run.calibration, "intrinsics": _digest(plan, run.intrinsics)}
+    if plan.lens_views:
+        values["lenses"] = lens_inputs(plan)
     if run.calibration == "board":
         assert run.board_images is not None
         assert run.board is not None
         values |= {
-            "board": _digest(plan, run.board) if run.board.endswith(".toml") else run.board,
-            "images": [digest_path(file) for view in _board_views(plan) for file in view.files],
+            "board": board_digest(plan),
+            "images": [digest_path(file) for view in plan.board_views for file in view.files],
             "options": asdict(replace(run.by_board, jobs=None)),
         }
         return values
@@ -74,17 +75,14 @@ def _digest(plan: RunPlan, text: str | None) -> str:
     return "" if text is None else digest_path(plan.path(text))
 
 
-def _board_views(plan: RunPlan) -> tuple[ViewImages, ...]:
-    """Return the images of the board: those that were found, unless the options name another folder."""
-    named, session = plan.choices.board_images, plan.session
-    found = session.board_views or session.views
-    if named is not None and (not found or place_of(found, session.folder) != named):
-        return find_images(plan.path(named))
-    return found
-
-
-def calibrate_board(plan: RunPlan, output: Path, progress: Progress) -> Calibrated:
+def calibrate_board(plan: RunPlan, lenses: Path | None, output: Path, progress: Progress) -> Calibrated:
     """Calibrate by a board and write the calibration with its report.
+
+    Args:
+        plan: the plan.
+        lenses: calibration file with known lenses, or None.
+        output: calibration file to write.
+        progress: receives the progress.
 
     Raises:
         CalibrationError: if the images do not determine the cameras.
@@ -93,9 +91,9 @@ def calibrate_board(plan: RunPlan, output: Path, progress: Progress) -> Calibrat
     assert run.board is not None
     assert run.board_images is not None
     result = calibrate_by_board(
-        _board_views(plan),
-        plan.path(run.board) if run.board.endswith(".toml") else run.board,
-        intrinsics=None if run.intrinsics is None else plan.path(run.intrinsics),
+        plan.board_views,
+        board_of(plan),
+        intrinsics=lenses,
         options=run.by_board,
         progress=progress,
     )
@@ -105,7 +103,12 @@ def calibrate_board(plan: RunPlan, output: Path, progress: Progress) -> Calibrat
 
 
 def calibrate_people(
-    plan: RunPlan, detections: Detections, starts: SyncOptions, output: Path, progress: Progress
+    plan: RunPlan,
+    detections: Detections,
+    starts: SyncOptions,
+    lenses: Path | None,
+    output: Path,
+    progress: Progress,
 ) -> Calibrated:
     """Calibrate by people and write the calibration with its report.
 
@@ -113,6 +116,7 @@ def calibrate_people(
         plan: the plan.
         detections: keypoints of the people.
         starts: start times of the views that are known from their sound.
+        lenses: calibration file with known lenses, or None.
         output: calibration file to write.
         progress: receives the progress.
 
@@ -132,8 +136,7 @@ def calibrate_people(
     widest_s = min(run.max_offset_s, _OVERLAP * shortest_s(plan.views))
 
     def calibrate(chosen: PeopleOptions) -> PeopleCalibration:
-        intrinsics = None if run.intrinsics is None else plan.path(run.intrinsics)
-        return calibrate_by_people(shifted, intrinsics=intrinsics, image_sizes=sizes, options=chosen, progress=progress)
+        return calibrate_by_people(shifted, intrinsics=lenses, image_sizes=sizes, options=chosen, progress=progress)
 
     result = _with_widening_offsets(calibrate, options, widest_s)
     calibrated = Calibrated(summarize_people(result), result.left_out)

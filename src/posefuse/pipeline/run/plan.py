@@ -12,7 +12,7 @@ from posefuse.detection.open import default_detector
 from posefuse.detection.registry import find_detector
 from posefuse.errors import PosefuseError, RecordingError, choices
 from posefuse.io.board_images import ViewImages
-from posefuse.io.board_specs import EXAMPLE, read_board_spec
+from posefuse.io.board_specs import EXAMPLE
 from posefuse.io.calibration.read import read_cameras
 from posefuse.io.recording import choose_calibration, choose_keypoints
 from posefuse.io.session import Session, find_session, locate, place_of, relative
@@ -22,9 +22,11 @@ from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import Options
 from posefuse.model.options.run import RunOptions
 from posefuse.model.view_names import matching_name
+from posefuse.pipeline.run.board_choice import BoardChoice, choose_board, is_of_board
 from posefuse.pipeline.run.view_facts import ViewFacts, check_sizes, examine_views
 
 KEYPOINTS, CALIBRATION, SYNC, RESULT, REPORT = "keypoints", "calibration.toml", "sync.toml", "result", "report.html"
+LENSES = "lenses.toml"
 """Names of what the stages write into the output."""
 
 
@@ -57,6 +59,8 @@ class RunPlan:
         problems: what is missing, each with what to do; a run with problems does not start.
         detector: a detector given in Python, or None.
         skeleton: skeleton of the keypoints that a function returns, or None.
+        board_views: images of the board to calibrate by.
+        lens_views: images of the board by single cameras, for their lenses.
     """
 
     session: Session
@@ -68,6 +72,8 @@ class RunPlan:
     problems: tuple[str, ...] = ()
     detector: Any = None
     skeleton: Any = None
+    board_views: tuple[ViewImages, ...] = ()
+    lens_views: tuple[ViewImages, ...] = ()
 
     def path(self, text: str) -> Path:
         """Return the path of an option."""
@@ -96,7 +102,7 @@ def make_plan(
         RecordingError: if the folder has several recordings.
     """
     named = {name: locate(text, folder) for name, text in run.files_of_views.items()}
-    planner = _Planner(find_session(folder, named or None), run, options, detector is not None)
+    planner = _Planner(find_session(folder, named or None, is_of_board), run, options, detector is not None)
     return replace(planner.plan(), detector=detector, skeleton=skeleton)
 
 
@@ -109,6 +115,8 @@ class _Planner:
         self.notes: list[str] = []
         self.problems: list[str] = []
         self.views: tuple[ViewFacts, ...] = ()
+        self.board_views: tuple[ViewImages, ...] = ()
+        self.lens_views: tuple[ViewImages, ...] = ()
 
     def plan(self) -> RunPlan:
         """Return the plan."""
@@ -124,6 +132,8 @@ class _Planner:
             (*stages, last, *report),
             tuple(self.notes),
             tuple(self.problems),
+            board_views=self.board_views,
+            lens_views=self.lens_views,
         )
 
     @property
@@ -211,17 +221,34 @@ class _Planner:
         if wanted == "none" or (wanted == "auto" and flat):
             self.run = replace(self.run, calibration="none")
             return PlannedStage("calibrate", "nothing to do: one camera")
-        board = None if wanted == "people" else self._board()
-        if wanted == "board" or board is not None:
-            return self._by_board(board)
-        self.run = replace(self.run, calibration="people")
-        if self.session.board_views and self.session.board is None and self.run.board is None:
-            self.notes.append(
-                f"{place_of(self.session.board_views, self.session.folder)} may show a board, but nothing describes "
-                f"it. To calibrate by it, add `board='{EXAMPLE}'` with its kind and size."
-            )
+        choice = self._board(wanted)
+        if wanted == "board" or (wanted == "auto" and choice.views):
+            return self._by_board(choice)
+        self.run = replace(self.run, calibration="people", board=choice.board if self.lens_views else self.run.board)
         lenses = "" if self.run.intrinsics is None else f", with the lenses of {self.run.intrinsics}"
-        return PlannedStage("calibrate", f"by the people{lenses}", CALIBRATION)
+        return PlannedStage("calibrate", f"by the people{lenses or self._lenses()}", CALIBRATION)
+
+    def _board(self, wanted: str) -> BoardChoice:
+        """Choose the board and its images, or those of the lenses alone."""
+        session, run = self.session, self.run
+        if wanted == "people" and not session.lens_views and run.lens_images is None:
+            return BoardChoice(None)
+        choice = choose_board(session, run)
+        # Who asks for a board cannot do without what is missing.
+        (self.problems if wanted == "board" else self.notes).extend(choice.notes)
+        self.problems += choice.problems
+        if choice.board is None or choice.problems:
+            return replace(choice, views=())
+        if choice.lens_views:
+            with self._collected():
+                import_opencv()
+            self.lens_views = choice.lens_views
+            self.run = replace(run, lens_images=place_of(choice.lens_views, session.folder))
+        return choice
+
+    def _lenses(self) -> str:
+        """Return what the plan says of lenses by a board."""
+        return f", with the lenses by the board {self.run.board} in {self.run.lens_images}" if self.lens_views else ""
 
     def _calibration_file(self, wanted: str) -> PlannedStage:
         """Choose a calibration that exists."""
@@ -241,29 +268,20 @@ class _Planner:
             return PlannedStage("calibrate", f"nothing to do: {_describe(rig)} in {self.run.calibration}")
         return PlannedStage("calibrate", "no calibration")
 
-    def _by_board(self, board: str | None) -> PlannedStage:
+    def _by_board(self, choice: BoardChoice) -> PlannedStage:
         """Calibrate by a board."""
-        self.run = replace(self.run, calibration="board")
+        self.run = replace(self.run, calibration="board", board=choice.board)
         with self._collected():
             import_opencv()
-        if board is None:
-            self.problems.append(_missing_board(self.session))
+        if choice.board is None or not choice.views:
+            if not (choice.problems or choice.notes):
+                self.problems.append(_missing_board(self.session, choice))
             return PlannedStage("calibrate", "by a board", CALIBRATION)
-        return PlannedStage("calibrate", f"by the board {board} in {self.run.board_images}", CALIBRATION)
-
-    def _board(self) -> str | None:
-        """Return the description of the board as text or path, or None; fix it and the folder of its images."""
-        session, given = self.session, self.run.board
-        if given is None and session.board is not None:
-            given = relative(session.board, session.folder)
-        # One video may show the board and then people.
-        views = session.board_views or session.views
-        if given is None or not (views or self.run.board_images):
-            return None
-        with self._collected():
-            read_board_spec(str(self._locate(given)) if given.endswith(".toml") else given)
-        self.run = replace(self.run, board=given, board_images=self.run.board_images or place_of(views, session.folder))
-        return given
+        self.board_views = choice.views
+        place = self.run.board_images or place_of(choice.views, self.session.folder)
+        self.run = replace(self.run, board_images=place)
+        text = f"by the board {choice.board} in {place}"
+        return PlannedStage("calibrate", text + self._lenses().replace(f" {choice.board}", ""), CALIBRATION)
 
     def _synchronize(self) -> PlannedStage:
         """Choose the evidence on the clocks."""
@@ -298,9 +316,14 @@ def _describe(rig: CameraRig) -> str:
     return "1 camera" if len(rig) == 1 else f"{len(rig)} cameras"
 
 
-def _missing_board(session: Session) -> str:
-    if session.board_views or session.views:
+def _missing_board(session: Session, choice: BoardChoice) -> str:
+    if choice.board is None and (session.board_views or session.views):
         return f"Nothing describes the board. Add `board='{EXAMPLE}'` with its kind and size."
+    if choice.lens_views:
+        return (
+            f"{place_of(choice.lens_views, session.folder)} shows the board to one camera at a time, which gives "
+            "lenses but no poses. Calibrate with `calibration='people'`, or film the board with all cameras."
+        )
     return (
         f"{session.folder} has no images of a board. Put one video per camera into the folder "
         f"{session.folder / 'calibration'}, named like the videos of people."

@@ -31,7 +31,8 @@ from posefuse.pipeline.run.calibrate_stage import (
     refine,
 )
 from posefuse.pipeline.run.inputs import compare_inputs, with_inputs
-from posefuse.pipeline.run.plan import CALIBRATION, KEYPOINTS, REPORT, RESULT, SYNC, RunPlan, make_plan
+from posefuse.pipeline.run.lens_stage import Lenses, calibrate_lenses, lens_inputs
+from posefuse.pipeline.run.plan import CALIBRATION, KEYPOINTS, LENSES, REPORT, RESULT, SYNC, RunPlan, make_plan
 from posefuse.pipeline.run.state import RunState, stage_key
 from posefuse.pipeline.run.sync_stage import Synchronized, hear, known_starts, measure, write_sync
 from posefuse.progress import Progress, Silent
@@ -46,6 +47,8 @@ class RunOutcome:
         output: folder of the run.
         plan: what was planned.
         detection: what was found in the videos; None if keypoints were given or it was planned only.
+        lenses: lenses by a board that each camera sees alone; None if there are no such images, or they had been used
+            before.
         calibration: the calibration that was made; None if it was given, or had been made before.
         refinement: the adjustment of a given calibration; None if it was not asked for, or had been made before.
         synchronization: the clocks; None if they were not measured, or had been measured before.
@@ -57,6 +60,7 @@ class RunOutcome:
     output: Path
     plan: RunPlan
     detection: DetectionOutcome | None = None
+    lenses: Lenses | None = None
     calibration: Calibrated | None = None
     refinement: Refinement | None = None
     synchronization: Synchronized | None = None
@@ -208,13 +212,26 @@ class _Run:
         if path.is_file() and self.state.is_finished("calibrate", key):
             self._finish("calibrate", kept=True)
             return path
+        lenses = self._lenses()
         if way == "board":
-            made = calibrate_board(plan, path, self.progress)
+            made = calibrate_board(plan, lenses, path, self.progress)
         else:
             starts = known_starts(plan, people.sound())
-            made = calibrate_people(plan, people.detections(), starts, path, self.progress)
+            made = calibrate_people(plan, people.detections(), starts, lenses, path, self.progress)
         self.state.finish("calibrate", key)
         self._finish("calibrate", calibration=made)
+        return path
+
+    def _lenses(self) -> Path | None:
+        """Return the file of known lenses, if any."""
+        plan = self.plan
+        if not plan.lens_views:
+            return None if plan.choices.intrinsics is None else plan.path(plan.choices.intrinsics)
+        path, key = self.output / LENSES, stage_key(lens_inputs(plan))
+        if not (path.is_file() and self.state.is_finished("lenses", key)):
+            found = calibrate_lenses(plan, path, self.progress)
+            self.state.finish("lenses", key)
+            self._finish("lenses", lenses=found)
         return path
 
     def _refine(self, given: Path, people: "_People") -> Path:

@@ -75,7 +75,7 @@ def test_a_described_board_is_used_before_people(videos):
     assert "calibration may show a board" in plan.notes[0]
     plan = plan_of(videos, RunOptions(board="charuco:7x5,square=30mm"))
     assert stages_of(plan)["calibrate"] == "by the board charuco:7x5,square=30mm in calibration"
-    assert "Nothing describes the board" in plan_of(videos, RunOptions(calibration="board")).problems[0]
+    assert "nothing describes it" in plan_of(videos, RunOptions(calibration="board")).problems[0]
     assert "describes no board" in plan_of(videos, RunOptions(board="chess:7x5")).problems[0]
 
 
