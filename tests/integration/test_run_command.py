@@ -33,6 +33,42 @@ def test_plan_run_and_project_file(recording, tmp_path, run):
     assert posefuse.read_reconstruction(tmp_path / "result" / "reconstruction.nc").options.people == "one"
 
 
+def test_commands_on_results_take_the_output_of_a_run(recording, tmp_path, run):
+    out = tmp_path / "out"
+    code, _, err = run("run", recording, "--output", out, "--synchronize", "off")
+    assert code == 0, err
+    commands = (
+        ("report", out, "--output", tmp_path / "report.html"),
+        ("people", out, "--output", tmp_path / "people.html"),
+        ("plot", out, "--output", tmp_path / "plots"),
+        ("explain", out, "--frame", "3"),
+        ("evaluate", out),
+        ("convert", out, tmp_path / "points.npz", "--to", "npz"),
+        ("overlay", out, "--blank", "--output", tmp_path / "overlay", "--end-s", "0.1"),
+    )
+    for command in commands:
+        code, _, err = run(*command)
+        assert code == 0, (command, err)
+    assert (out / "result" / "evaluation.json").is_file()
+    (tmp_path / "edits.toml").write_text('[[edit]]\ndo = "rename"\nperson = "person_1"\nto = "runner"\n')
+    code, _, err = run("edit", out, tmp_path / "edits.toml", "--output", tmp_path / "edited")
+    assert code == 0, err
+    # The same command still resumes.
+    code, printed, err = run("run", recording, "--output", out, "--synchronize", "off")
+    assert code == 0, err
+    assert "kept: inputs and options did not change" in printed
+
+
+@pytest.mark.parametrize("more", [(), ("--dry-run",)])
+def test_an_empty_folder_is_one_sentence(tmp_path, run, more):
+    (tmp_path / "empty").mkdir()
+    code, out, err = run("run", tmp_path / "empty", "--output", tmp_path / "out", *more)
+    assert code == 1
+    assert out == ""
+    assert "has neither videos nor 2D keypoints" in err
+    assert ". " not in err.strip()
+
+
 def test_options_of_all_stages_have_flags(recording, tmp_path, run):
     flags = ("--detect.every", "2", "--by-people.stature-m", "1.8", "--by-board.lens", "fisheye", "--solve", "frame")
     code, _, err = run("run", recording, "--output", tmp_path / "out", "--synchronize", "off", *flags)

@@ -134,8 +134,9 @@ def convert(
 
 def _is_result(path: Path) -> bool:
     from posefuse.io.netcdf import open_file
+    from posefuse.io.results.open_result import result_file
 
-    file = path / "reconstruction.nc" if path.is_dir() else path
+    file = result_file(path)
     if file.suffix != ".nc" or not file.is_file():
         return False
     try:

@@ -11,7 +11,7 @@ from posefuse.cli.types import Overwrite
 
 
 def edit(
-    result: Annotated[Path, Parameter(help="A result's folder, or its reconstruction.nc.")],
+    result: Annotated[Path, Parameter(help="Folder of a result or of a run, or reconstruction.nc.")],
     edits: Annotated[Path, Parameter(help="TOML file of edits: one table [[edit]] per edit.")],
     *,
     output: Annotated[

@@ -69,7 +69,9 @@ class ScoringFlags:
 
 
 def evaluate(
-    result: Annotated[Path, Parameter(help="Folder of a result, its reconstruction.nc, or a file of 3D points.")],
+    result: Annotated[
+        Path, Parameter(help="Folder of a result or of a run, reconstruction.nc, or a file of 3D points.")
+    ],
     truth: Annotated[
         tuple[Path, ...],
         Parameter(

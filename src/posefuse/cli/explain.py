@@ -30,7 +30,9 @@ def explain(
     person: Annotated[
         str | None, Parameter(help="Person to show, keypoint by keypoint; by default all people.")
     ] = None,
-    recording: Annotated[Path | None, Parameter(help="Folder of the recording, to list unassigned detections.")] = None,
+    recording: Annotated[
+        Path | None, Parameter(help="Folder of the recording, to list unassigned detections; not needed for a run.")
+    ] = None,
     keypoints: Annotated[
         Path | None, Parameter(help="File or folder of 2D keypoints; by default those in the recording.")
     ] = None,
@@ -41,10 +43,13 @@ def explain(
     Unassigned detections are listed only with the 2D keypoints: --recording or --keypoints.
     """
     from posefuse import explain as explaining
-    from posefuse.io.results.open_result import open_result
+    from posefuse.io.results.open_result import open_result, run_of
 
-    _, opened = open_result(result)
-    detections = None
+    file, opened = open_result(result)
+    detections, made = None, run_of(file)
+    if keypoints is None and made is not None and (made / "keypoints").is_dir():
+        # The recording of a run has videos, whose keypoints are in its output.
+        keypoints = made / "keypoints"
     if recording is not None or keypoints is not None:
         detections = detections_for(opened, recording, keypoints, timestamps)
     report = explaining.explain(opened, frame, detections, person)
@@ -65,10 +70,11 @@ def explain(
 def detections_for(
     result: Reconstruction, recording: Path | None, keypoints: Path | None, timestamps: Path | None
 ) -> Detections:
-    """Return the 2D keypoints of a result, with views in the order of the result's cameras."""
+    """Return the 2D keypoints of a result at the times that it used, views in the order of its cameras."""
     from posefuse.io.keypoints.read import read_keypoints
     from posefuse.io.open_recording import digest_path, keypoint_request
     from posefuse.io.recording import find_recording
+    from posefuse.preprocess.time_offsets import shift_views
 
     if keypoints is None:
         assert recording is not None
@@ -80,7 +86,10 @@ def detections_for(
     known = result.provenance.inputs.get(keypoints.name)
     if known is not None and known != digest_path(keypoints):
         warn(f"{keypoints.name} has changed since the result was written; its detections may not match the result.")
-    return detections.views(_views_of(result, detections))
+    detections = detections.views(_views_of(result, detections))
+    if result.options.sync.does_nothing:
+        return detections
+    return shift_views(detections, result.rig.names, result.options.sync).detections
 
 
 def _keypoints_of(result: Reconstruction, found: "FoundRecording") -> Path:

@@ -69,8 +69,8 @@ def run(
     What the folder contains decides what is done: 2D keypoints, a calibration, images of a board and timestamps are
     used where they exist. The plan is printed first.
 
-    OUTPUT holds the files of every stage: keypoints, calibration.toml, sync.toml, result and report.html. The same
-    command resumes after an interruption, and repeats a stage only if its inputs or options changed. The file
+    OUTPUT holds the files of every stage: keypoints, calibration.toml, sync.toml, result, report.html, people.html.
+    The same command resumes after an interruption, and repeats a stage only if its inputs or options changed. The file
     OUTPUT/posefuse.toml holds every choice; run FOLDER --options posefuse.toml gives the same bytes.
 
     The exit code is 3 if the recording check is certain that the result is wrong; --accept-findings makes it 0.
@@ -81,7 +81,8 @@ def run(
     run = shortcuts.applied_to(run)
     if behavior.dry_run:
         plan = plan_run(folder, run, options)
-        _say_plan(plan)
+        if not plan.is_empty:
+            _say_plan(plan)
         for problem in plan.problems:
             warn(problem)
         if plan.problems:
@@ -93,6 +94,8 @@ def run(
     report = output / "report.html"
     say("")
     say(f"Report: {report if report.exists() else outcome.reconstruction.output / 'report.html'}")
+    if outcome.contact_sheet is not None:
+        say(f"People, with the names for --person: {outcome.contact_sheet}")
     if outcome.reconstruction.partial:
         warn(outcome.reconstruction.partial)
         sys.exit(130)
@@ -125,7 +128,7 @@ class _Stages:
 
     def __call__(self, stage: str, outcome: "RunOutcome") -> None:
         """Print the result of a stage."""
-        if stage == "report":
+        if stage in ("report", "people"):
             return
         say("")
         if stage in outcome.kept and stage != "reconstruct":

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 OptionFlags = Annotated[Options, Parameter(name="*", group=Group(OPTIONS_GROUP, sort_key=2))]
 Recording = Annotated[Path, Parameter(help="Folder of the recording.")]
-Result = Annotated[Path, Parameter(help="Folder of a result, or its reconstruction.nc.")]
+Result = Annotated[Path, Parameter(help="Folder of a result or of a run, or reconstruction.nc.")]
 Output = Annotated[Path, Parameter(name=["--output", "-o"], help="Folder for the results.")]
 CalibrationPath = Annotated[Path | None, Parameter(help="Calibration file; by default the one in the recording.")]
 KeypointsPath = Annotated[

@@ -34,7 +34,9 @@ _CALIBRATION_SUFFIXES = (
 )  # fmt: skip
 _FOLDER_SUFFIXES = tuple(suffix for suffix in _CALIBRATION_SUFFIXES if suffix not in (".npy", ".npz"))
 _MAX_JSON_FILES = 50
-_SETTINGS = ("Config.toml", "pyproject.toml")
+LENSES_FILE = "lenses.toml"
+"""Name of the file of lenses that a run writes; the poses of its cameras mean nothing."""
+_SETTINGS = ("Config.toml", "pyproject.toml", LENSES_FILE)
 _MAX_PROBED_BYTES = 50_000_000
 
 

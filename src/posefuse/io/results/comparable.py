@@ -17,6 +17,7 @@ from posefuse.evaluation.paired_results import PeoplePoints, people_points, with
 from posefuse.io.files import must_exist
 from posefuse.io.results import c3d_reading, netcdf
 from posefuse.io.results.axes import y_up_from_world
+from posefuse.io.results.open_result import result_file
 from posefuse.io.results.read import holds_points, read_points
 from posefuse.model.cameras import UpAxis
 from posefuse.model.options.options import LengthUnit
@@ -50,7 +51,7 @@ def read_comparable(
     """Read a result of posefuse, or 3D points in any format that :func:`posefuse.read_points` reads.
 
     Args:
-        path: folder of a result, its ``reconstruction.nc``, a ``truth.nc``, or a file of 3D points.
+        path: folder of a result or of a run, its ``reconstruction.nc``, a ``truth.nc``, or a file of 3D points.
         length_unit: unit of length of a file that does not state it.
         skeleton: skeleton whose names of other programs are recognized; default: the shipped ones.
 
@@ -58,7 +59,7 @@ def read_comparable(
         FileError: if there is no such file, it is corrupt, or its format is not supported.
         ResultError: if its unit of length is unknown.
     """
-    stored = path / "reconstruction.nc"
+    stored = result_file(path)
     file = stored if stored.is_file() or (path.is_dir() and not holds_points(path)) else path
     must_exist(file, "result or file of 3D points")
     if file.suffix.lower() == ".nc" and not holds_points(file):

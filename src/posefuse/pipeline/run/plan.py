@@ -15,6 +15,7 @@ from posefuse.io.board_images import ViewImages
 from posefuse.io.board_specs import EXAMPLE
 from posefuse.io.calibration.read import read_cameras
 from posefuse.io.recording import choose_calibration, choose_keypoints
+from posefuse.io.results.open_result import RESULT_OF_RUN
 from posefuse.io.session import Session, find_session, locate, place_of, relative
 from posefuse.io.timestamps import read_timestamps
 from posefuse.io.videos.library import import_pyav
@@ -25,8 +26,14 @@ from posefuse.model.view_names import matching_name
 from posefuse.pipeline.run.board_choice import BoardChoice, choose_board, is_of_board
 from posefuse.pipeline.run.view_facts import ViewFacts, check_sizes, examine_views
 
-KEYPOINTS, CALIBRATION, SYNC, RESULT, REPORT = "keypoints", "calibration.toml", "sync.toml", "result", "report.html"
-LENSES = "lenses.toml"
+KEYPOINTS, CALIBRATION, SYNC, RESULT, REPORT = (
+    "keypoints",
+    "calibration.toml",
+    "sync.toml",
+    RESULT_OF_RUN,
+    "report.html",
+)
+PEOPLE = "people.html"
 """Names of what the stages write into the output."""
 
 
@@ -74,6 +81,11 @@ class RunPlan:
     skeleton: Any = None
     board_views: tuple[ViewImages, ...] = ()
     lens_views: tuple[ViewImages, ...] = ()
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nothing to reconstruct."""
+        return not (self.views or self.session.views or self.choices.keypoints or self.session.recording.keypoints)
 
     def path(self, text: str) -> Path:
         """Return the path of an option."""

@@ -15,10 +15,13 @@ from posefuse.io.keypoints.read import read_keypoints
 from posefuse.io.open_recording import RecordingInputs, digest_path, keypoint_request
 from posefuse.io.options import read_sync
 from posefuse.io.project import PROJECT_FILE, project_to_toml
+from posefuse.io.recording import LENSES_FILE
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
 from posefuse.model.options.run import RunOptions
 from posefuse.model.options.sync import SyncOptions
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.pipeline.contact_sheet import write_contact_sheet
 from posefuse.pipeline.detect import DetectionOutcome, Given, detect_videos
 from posefuse.pipeline.fingerprints import RESULT as RECONSTRUCTION
 from posefuse.pipeline.reconstruct_recording import Outcome, reconstruct_recording
@@ -32,7 +35,7 @@ from posefuse.pipeline.run.calibrate_stage import (
 )
 from posefuse.pipeline.run.inputs import compare_inputs, with_inputs
 from posefuse.pipeline.run.lens_stage import Lenses, calibrate_lenses, lens_inputs
-from posefuse.pipeline.run.plan import CALIBRATION, KEYPOINTS, LENSES, REPORT, RESULT, SYNC, RunPlan, make_plan
+from posefuse.pipeline.run.plan import CALIBRATION, KEYPOINTS, PEOPLE, REPORT, RESULT, SYNC, RunPlan, make_plan
 from posefuse.pipeline.run.state import RunState, stage_key
 from posefuse.pipeline.run.sync_stage import Synchronized, hear, known_starts, measure, write_sync
 from posefuse.progress import Progress, Silent
@@ -54,6 +57,7 @@ class RunOutcome:
         synchronization: the clocks; None if they were not measured, or had been measured before.
         reconstruction: outcome of the reconstruction; None if the run was planned only.
         report: report with the videos; None if there are no videos, or it had been written before.
+        contact_sheet: page with pictures of the people; None for a single person who was not chosen among several.
         kept: stages that an earlier run had finished with the same inputs and options.
     """
 
@@ -66,6 +70,7 @@ class RunOutcome:
     synchronization: Synchronized | None = None
     reconstruction: Outcome | None = None
     report: Path | None = None
+    contact_sheet: Path | None = None
     kept: tuple[str, ...] = ()
 
 
@@ -123,6 +128,8 @@ def run(
     """
     watcher = watcher or Watcher()
     plan = plan_run(folder, run, options, detector=detector, skeleton=skeleton)
+    if plan.is_empty:
+        raise RecordingError(plan.problems[0])
     watcher.planned(plan)
     if plan.problems:
         raise RecordingError("\n".join(plan.problems))
@@ -176,6 +183,7 @@ class _Run:
         self._finish("reconstruct", reconstruction=self._reconstruct(inputs, sync, also))
         if any(stage.name == "report" for stage in self.plan.stages):
             self._report()
+            self._contact_sheet()
         return self.outcome
 
     def _finish(self, stage: str, *, kept: bool = False, **found: Any) -> None:
@@ -227,7 +235,7 @@ class _Run:
         plan = self.plan
         if not plan.lens_views:
             return None if plan.choices.intrinsics is None else plan.path(plan.choices.intrinsics)
-        path, key = self.output / LENSES, stage_key(lens_inputs(plan))
+        path, key = self.output / LENSES_FILE, stage_key(lens_inputs(plan))
         if not (path.is_file() and self.state.is_finished("lenses", key)):
             found = calibrate_lenses(plan, path, self.progress)
             self.state.finish("lenses", key)
@@ -281,20 +289,36 @@ class _Run:
 
     def _report(self) -> None:
         """Write the report with the videos."""
-        plan, path = self.plan, self.output / REPORT
-        made = self.outcome.reconstruction
-        assert made is not None
-        key = stage_key({"result": digest_path(made.output / RECONSTRUCTION), "videos": plan.choices.inputs.sha256})
+        path, (result, key) = self.output / REPORT, self._result()
         if path.is_file() and self.state.is_finished("report", key):
             self._finish("report", kept=True)
             return
-        result = made.open()
-        files = plan.choices.files_of_views
-        views = plan.images_of(result.rig.names)
-        videos = {name: plan.path(files[view.name]) for name, view in views.items()}
-        write_report(result, path, videos=videos, overwrite=True, progress=self.progress)
+        write_report(result, path, videos=self._videos_of(result), overwrite=True, progress=self.progress)
         self.state.finish("report", key)
         self._finish("report", report=path)
+
+    def _contact_sheet(self) -> None:
+        """Write pictures of the people, where there is a choice between them."""
+        path, (result, key) = self.output / PEOPLE, self._result()
+        if not result.has_identities or (len(result.person_ids) < 2 and result.options.people != "one"):
+            path.unlink(missing_ok=True)
+            return
+        if not (path.is_file() and self.state.is_finished("people", key)):
+            write_contact_sheet(result, path, videos=self._videos_of(result), overwrite=True, progress=self.progress)
+            self.state.finish("people", key)
+        self._finish("people", contact_sheet=path)
+
+    def _result(self) -> tuple[Reconstruction, str]:
+        """Return the result, and a digest of it and of the videos."""
+        made = self.outcome.reconstruction
+        assert made is not None
+        digest = digest_path(made.output / RECONSTRUCTION)
+        return made.open(), stage_key({"result": digest, "videos": self.plan.choices.inputs.sha256})
+
+    def _videos_of(self, result: Reconstruction) -> dict[str, Path]:
+        """Return the videos of a result's cameras."""
+        files, views = self.plan.choices.files_of_views, self.plan.images_of(result.rig.names)
+        return {name: self.plan.path(files[view.name]) for name, view in views.items()}
 
 
 class _People:

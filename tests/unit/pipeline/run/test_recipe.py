@@ -10,7 +10,9 @@ from scipy.spatial.transform import Rotation
 
 import posefuse
 from posefuse import Options, RunOptions
+from posefuse.cli.explain import detections_for
 from posefuse.errors import FileError, RecordingError
+from posefuse.explain import explain
 from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native
 from posefuse.io.options import read_sync
@@ -84,11 +86,26 @@ def test_the_project_file_gives_the_same_bytes(calibrated, tmp_path):
 
 def test_only_what_an_option_changes_is_repeated(calibrated, tmp_path):
     folder, output, person, _ = calibrated
+    assert not (output / "people.html").exists()
     copy = tmp_path / "out"
     shutil.copytree(output, copy)
-    outcome = run(folder, copy, person, options=Options(chunk_frames=4000))
+    outcome = run(folder, copy, person, options=Options(people="one"))
     assert "detect" in outcome.kept
     assert not outcome.reconstruction.kept
+    # Who was chosen can be seen.
+    assert outcome.contact_sheet == copy / "people.html"
+    assert "person_1" in outcome.contact_sheet.read_text()
+
+
+def test_a_frame_of_views_that_started_seconds_apart_is_explained(calibrated):
+    _, output, _, outcome = calibrated
+    result = outcome.reconstruction.open()
+    detections = detections_for(result, None, output / "keypoints", None)
+    # The keypoints have fewer frames before the views are aligned.
+    np.testing.assert_array_equal(detections.frame_numbers, result.frame_numbers)
+    report = explain(result, 240, detections)
+    assert report.complete
+    assert {each.person for view in report.views for each in view.detections} == {"person_1"}
 
 
 def test_cameras_are_calibrated_by_the_people(phones, tmp_path):
