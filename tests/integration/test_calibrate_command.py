@@ -213,6 +213,7 @@ def test_scene_points_give_the_poses(videos, tmp_path, capsys):
     write(truth, lenses)
     points = write_scene(truth, tmp_path / "points.toml")
     main(["calibrate", "--scene-points", str(points), "--intrinsics", str(lenses), "-o", str(output)])
+    assert "Points of known position" in output.with_suffix(".html").read_text("utf-8")
     assert "2 cameras, 16 places of points" in capsys.readouterr().out
     found = posefuse.read_cameras(output)
     assert found.up_axis == "z"

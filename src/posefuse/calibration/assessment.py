@@ -6,7 +6,14 @@ from itertools import chain
 import numpy as np
 
 from posefuse.calibration.residual_structure import COLUMNS, ROWS, residual_structure
-from posefuse.model.calibration_summary import Advice, Assessment, AssessmentLevel, CalibrationSummary, LengthCheck
+from posefuse.model.calibration_summary import (
+    Advice,
+    Assessment,
+    AssessmentLevel,
+    CalibrationSummary,
+    CalibrationTarget,
+    LengthCheck,
+)
 
 _GOOD_SHARE, _USABLE_SHARE = 0.003, 0.02
 """Standard deviation in the middle of the volume, as a share of the distance of the cameras.
@@ -24,12 +31,28 @@ _SYSTEMATIC_SHARE = 0.5
 _MIN_OFFSET_S = 0.005
 _MOST_MISSING = 4
 """With more of the nine parts of an image missing, the parts that were seen are named."""
+_FILMED: dict[CalibrationTarget, str] = {
+    "board": "Film the board", "people": "Film a person", "points": "Measure more points",
+}  # fmt: skip
+_WHERE: dict[CalibrationTarget, str] = {
+    "board": "in the middle of the volume, close to all cameras and tilted to all sides.",
+    "people": "who walks through the whole volume, in several directions.",
+    "points": "spread over the images and in depth, and measure their places in enlarged pictures.",
+}
+_FEW_POINTS = 6
+"""With fewer points, a camera's pose hardly shows that one of them is wrong."""
+_FLAT = 0.1
+"""Ratio of the smallest to the largest extent of points that are nearly in one plane."""
+WRONG_SDS = 3.7
+"""Mahalanobis distance that one of 1000 correct points exceeds."""
 _ORDER: dict[AssessmentLevel, int] = {"bad": 0, "check": 1, "note": 2, "good": 3}
 
 
 def assess(summary: CalibrationSummary) -> Assessment:
     """Return the verdict on a calibration, its weaknesses, and what to do about them."""
-    checks = (_left_out, _volume, _motion, _lengths, _links, _errors, _structure, _held_out, _regions, _offsets)
+    checks = (
+        _left_out, _volume, _motion, _lengths, _links, _points, _errors, _structure, _held_out, _regions, _offsets,
+    )  # fmt: skip
     found = sorted(chain.from_iterable(check(summary) for check in checks), key=lambda each: _ORDER[each.level])
     levels = {each.level for each in found}
     accuracy = _accuracy(summary)
@@ -47,8 +70,9 @@ def _accuracy(summary: CalibrationSummary) -> str:
     """Return what the covariance of the cameras means for triangulated points."""
     volume = summary.volume
     length_sd = float(np.hypot(volume.length_sd, summary.scale_sd))
+    where = "Places among the points" if summary.target == "points" else "Points in the filmed volume"
     return (
-        f"Points in the filmed volume are located to {_millimetres(volume.relative_sd_m)} relative to each other, and "
+        f"{where} are located to {_millimetres(volume.relative_sd_m)} relative to each other, and "
         f"lengths measured to {_percent(length_sd)} (standard deviations)."
     )
 
@@ -63,7 +87,7 @@ def _percent(share: float) -> str:
 
 def _filmed(summary: CalibrationSummary) -> str:
     """Return what to do with the target where cameras are weakly connected."""
-    return "Film the board" if summary.target == "board" else "Film a person"
+    return _FILMED[summary.target]
 
 
 def _left_out(summary: CalibrationSummary) -> Iterator[Advice]:
@@ -74,21 +98,21 @@ def _left_out(summary: CalibrationSummary) -> Iterator[Advice]:
 def _volume(summary: CalibrationSummary) -> Iterator[Advice]:
     """Judge the accuracy in the filmed volume, and the positions of single cameras."""
     volume = summary.volume
-    where = "in the middle of the volume, close to all cameras and tilted to all sides."
-    if summary.target == "people":
-        where = "who walks through the whole volume, in several directions."
+    where = _WHERE[summary.target]
     share = volume.relative_sd_m / volume.distance_m
     if not np.isfinite(share):
         yield Advice("bad", "", "No two cameras see the same part of the filmed volume.", f"{_filmed(summary)} {where}")
     elif share > _GOOD_SHARE:
         level: AssessmentLevel = "bad" if share > _USABLE_SHARE else "check"
-        text = f"Points in the filmed volume are located only to {_millimetres(volume.relative_sd_m)}."
+        places = "Places among the points" if summary.target == "points" else "Points in the filmed volume"
+        text = f"{places} are located only to {_millimetres(volume.relative_sd_m)}."
         longer = "for longer " if summary.target == "board" else ""
         yield Advice(level, "", text, f"{_filmed(summary)} {longer}{where}")
     for name, camera in zip(summary.rig.names, summary.cameras, strict=True):
         if camera.center_sd_m > _USABLE_SHARE * volume.distance_m:
             text = f"The position of camera {name!r} is known only to {_millimetres(camera.center_sd_m)}."
-            yield Advice("check", name, text, f"{_filmed(summary)} where it and other cameras see the same place.")
+            better = where if summary.target == "points" else "where it and other cameras see the same place."
+            yield Advice("check", name, text, f"{_filmed(summary)} {better}")
 
 
 def _motion(summary: CalibrationSummary) -> Iterator[Advice]:
@@ -132,7 +156,9 @@ def _length_text(each: LengthCheck) -> str:
 
 
 def _links(summary: CalibrationSummary) -> Iterator[Advice]:
-    """Name cameras that share few frames with every other one."""
+    """Name cameras that share few frames with every other one; points locate each camera on its own."""
+    if summary.target == "points":
+        return
     for v, name in enumerate(summary.rig.names):
         others = np.delete(summary.shared[v], v)
         if len(others) and others.max() < _MIN_SHARED:
@@ -141,8 +167,36 @@ def _links(summary: CalibrationSummary) -> Iterator[Advice]:
             yield Advice("check", name, text, f"{_filmed(summary)} where both it and camera {best!r} see it.")
 
 
+def _points(summary: CalibrationSummary) -> Iterator[Advice]:
+    """Name points that the other points of a camera contradict, and cameras with too few points to tell."""
+    known = summary.known_points
+    if known is None:
+        return
+    with np.errstate(invalid="ignore"):
+        wrong = known.held_out_sds > WRONG_SDS
+    for point in np.flatnonzero(wrong.any(axis=0)):
+        views = np.flatnonzero(wrong[:, point])
+        names = _listed([f"{summary.rig.names[v]!r} ({known.held_out_px[v, point]:.0f} px)" for v in views])
+        several = len(views) > 1 and 2 * len(views) >= np.isfinite(known.held_out_sds[:, point]).sum()
+        text = f"Point {point + 1} is not where the other points of its camera predict it, in {names}."
+        place = "Measure its position again, and check the order of the points."
+        yield Advice(
+            "check", summary.rig.names[views[0]], text, place if several else "Measure its place in that image again."
+        )
+    extents = np.linalg.svd(known.points_m - known.points_m.mean(axis=0), compute_uv=False)
+    if extents[-1] < _FLAT * extents[0]:
+        text = "The points are nearly in one plane, so the stated accuracy holds near this plane only."
+        yield Advice("note", "", text, "Measure points at other heights, too.")
+    for name, shown in zip(summary.rig.names, np.isfinite(known.error_px).sum(axis=1), strict=True):
+        if shown < _FEW_POINTS:
+            text = f"Camera {name!r} shows only {shown} points, so a wrong one would hardly be noticed."
+            yield Advice("note", name, text, f"Measure {_FEW_POINTS} or more in its image.")
+
+
 def _errors(summary: CalibrationSummary) -> Iterator[Advice]:
-    """Name cameras that fit worse than the others."""
+    """Name cameras that fit worse than the others; of points, single ones are named."""
+    if summary.target == "points":
+        return
     errors = np.array(
         [camera.error_px / width for camera, width in zip(summary.cameras, _widths(summary), strict=True)]
     )
@@ -173,6 +227,9 @@ def _structure(summary: CalibrationSummary) -> Iterator[Advice]:
 
 
 def _held_out(summary: CalibrationSummary) -> Iterator[Advice]:
+    """Name cameras that predict other images worse than those of the calibration."""
+    if summary.target == "points":
+        return
     for camera, each in zip(summary.rig.cameras, summary.cameras, strict=True):
         if each.held_out_px > _LARGE_ERROR * each.error_px and each.held_out_px > _NOTICEABLE_SHARE * camera.size_px[0]:
             text = (

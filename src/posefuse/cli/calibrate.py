@@ -82,27 +82,30 @@ def calibrate(
 
     Estimates lenses, poses and time offsets with standard deviations, and states what to film next.
     """
-    page = output.with_suffix(".html") if report and inputs.scene_points is None else None
+    page = output.with_suffix(".html") if report else None
     _check_outputs(output, page, overwrite=overwrite)
     if inputs.scene_points is not None:
         if inputs.origin_points is not None:
             raise CalibrationError("The scene points define the world already: remove `origin_points`.")
-        rig = _by_scene(inputs.scene_points, recording, inputs, options)
+        rig = _by_scene(inputs.scene_points, recording, inputs, options, page)
     else:
         rig = _by_target(recording, inputs, options, people, page)
     _write(rig, output, page)
 
 
 def _by_scene(
-    scene_points: Path, images: Path | None, inputs: CalibrationInputs, options: CalibrateOptions
+    scene_points: Path, images: Path | None, inputs: CalibrationInputs, options: CalibrateOptions, page: Path | None
 ) -> "CameraRig":
-    """Calibrate by points of known position, and print the result."""
+    """Calibrate by points of known position, print the result, and write the report."""
     from posefuse.pipeline.calibrate_scene import calibrate_scene
+    from posefuse.pipeline.calibration_report import write_calibration_report
 
     result = calibrate_scene(
         scene_points, images, inputs.board, intrinsics=inputs.intrinsics, options=options, progress=Bars()
     )
     describe_scene(result)
+    if page is not None:
+        write_calibration_report(result, page)
     return result.rig
 
 

@@ -1,11 +1,14 @@
 """Output of ``posefuse calibrate --scene-points``."""
 
 from posefuse.calibration.scene.calibration import SceneCalibration
+from posefuse.cli.assessment import describe_assessment
 from posefuse.cli.console import count, note, say, table
 
 
 def describe_scene(result: SceneCalibration) -> None:
-    """Print the accuracy of a calibration by points of known position."""
+    """Print the accuracy of a calibration by points of known position, and what to measure again."""
+    from posefuse.calibration.scene.summary import summarize_scene
+
     places = sum(report.n_points for report in result.cameras)
     say(
         f"{count(len(result.cameras), 'camera')}, {places} places of points of known position: root mean square error "
@@ -28,5 +31,4 @@ def describe_scene(result: SceneCalibration) -> None:
         "+- is a standard deviation in the world of the points, in the worst direction, for places measured to "
         f"{result.sd_px:.1f} px."
     )
-    for name, reason in result.left_out:
-        note(f"Camera {name!r} has no pose: it {reason}.")
+    describe_assessment(summarize_scene(result))

@@ -7,7 +7,7 @@ import numpy as np
 
 from posefuse.model.cameras import CameraRig
 
-CalibrationTarget = Literal["board", "people"]
+CalibrationTarget = Literal["board", "people", "points"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,8 +18,8 @@ class CameraSummary:
         pixels: shape (observation, 2): detected points that the calibration uses.
         residual_px: shape (observation, 2): projected minus detected points.
         image: shape (observation,), int64: index of the image of each point; errors in one image are correlated.
-        rotation_sd_deg: standard deviation of the rotation, in the worst direction; 0 for the reference camera.
-        center_sd_m: standard deviation of the position, in the worst direction; 0 for the reference camera.
+        rotation_sd_deg: standard deviation of the rotation, in the worst direction; 0 for the reference camera, if any.
+        center_sd_m: standard deviation of the position, in the worst direction; 0 for the reference camera, if any.
         focal_sd_px: standard deviation of the focal length; 0 if it is fixed.
         lens_given: whether the lens was given and not estimated.
         offset_s: time offset: its images show the target that much later than those of the reference camera.
@@ -110,6 +110,24 @@ class LengthCheck:
 
 
 @dataclass(frozen=True, eq=False)
+class KnownPoints:
+    """How points of known position fit their places in the images.
+
+    Attributes:
+        points_m: shape (point, 3).
+        error_px: shape (view, point): distances between projected and measured places, NaN where not shown.
+        held_out_px: shape (view, point): the same for the prediction from the other points of the camera, NaN where
+            they do not determine its pose.
+        held_out_sds: shape (view, point): these distances in their standard deviations.
+    """
+
+    points_m: np.ndarray
+    error_px: np.ndarray
+    held_out_px: np.ndarray
+    held_out_sds: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class CalibrationSummary:
     """Summary of a calibration.
 
@@ -126,6 +144,7 @@ class CalibrationSummary:
         lengths: comparisons with known lengths.
         scale_sd: standard deviation of the scale, as a share; 0 if a board defines it.
         point_names: names of the points; empty for a board.
+        known_points: how points of known position fit, if the cameras were calibrated by them.
         left_out: name and reason of cameras that could not be calibrated.
     """
 
@@ -141,6 +160,7 @@ class CalibrationSummary:
     lengths: tuple[LengthCheck, ...] = ()
     scale_sd: float = 0.0
     point_names: tuple[str, ...] = ()
+    known_points: KnownPoints | None = None
     left_out: tuple[tuple[str, str], ...] = ()
 
     @property

@@ -11,7 +11,8 @@ from posefuse.arguments import checked
 from posefuse.calibration.boards.covariance import lens_covariance
 from posefuse.calibration.boards.intrinsics import LENSES, estimate_intrinsics
 from posefuse.calibration.boards.observations import corner_observations
-from posefuse.calibration.scene.calibration import KnownLens, SceneCalibration, calibrate_by_scene
+from posefuse.calibration.scene.calibration import SceneCalibration, calibrate_by_scene
+from posefuse.calibration.scene.view import KnownLens
 from posefuse.errors import CalibrationError, choices
 from posefuse.io.board_images import find_images
 from posefuse.io.board_specs import read_board_spec

@@ -4,9 +4,8 @@ import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
-from string import Template
 
-from posefuse.report.page import asset
+from posefuse.report.page import document
 
 
 @dataclass(frozen=True)
@@ -47,9 +46,10 @@ def render_contact_sheet(cards: Sequence[PersonCard], notes: Sequence[str] = ())
         notes: sentences for the reader.
     """
     count = "1 person" if len(cards) == 1 else f"{len(cards)} people"
-    return Template(asset("people.html")).substitute(
+    return document(
+        "people.html",
         title=escape(f"posefuse: {count}"),
-        css=asset("people.css"),
+        css=("people.css",),
         notes="".join(f"<p>{escape(note)}</p>" for note in notes),
         cards="\n".join(_card(card) for card in cards) or "<p>No person was found.</p>",
     )

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
-from string import Template
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from posefuse.report.charts import chart_data
 from posefuse.report.heat_map import HeatMap, gather_heat_map, heat_map_data
 from posefuse.report.highlights import highlights_section
 from posefuse.report.left_right_swaps import swap_section, swap_timeline
-from posefuse.report.page import asset, safe_json, script
+from posefuse.report.page import asset, document, safe_json, script
 from posefuse.report.people import people_section, summarize_people, track_timeline
 from posefuse.report.scene import display_stride, scene_data
 from posefuse.report.series import Gap, TimeSeries, find_gaps, gather_series, time_series_data
@@ -178,9 +177,10 @@ def render_report(
         videos: videos to show beside the scene.
     """
     page = PageData(result, truth_m, accuracy, progress or Silent(), videos)
-    return Template(asset("report.html")).substitute(
+    return document(
+        "report.html",
         title=escape(f"posefuse: {len(result.person_ids)} x {result.skeleton.name}"),
-        css=asset("report.css"),
+        css=("report.css",),
         scene=asset("scene.html"),
         plotly=get_plotlyjs(),
         script=script(_SCRIPTS, CHARTS),

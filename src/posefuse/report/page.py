@@ -3,12 +3,26 @@
 import json
 from collections.abc import Iterable
 from importlib.resources import files
+from string import Template
 from typing import Any
 
 
 def asset(name: str) -> str:
     """Return the text of a file of the package that pages contain."""
     return files("posefuse.report").joinpath("assets", name).read_text("utf-8")
+
+
+def document(name: str, *, title: str, css: Iterable[str], **parts: str) -> str:
+    """Return a page as the text of an HTML file that needs no network.
+
+    Args:
+        name: the asset with the body of the page, whose placeholders are ``title`` and the parts.
+        title: title of the page, as HTML.
+        css: names of the assets with its styles.
+        parts: contents of the placeholders, as HTML.
+    """
+    body = Template(asset(name)).substitute(title=title, **parts)
+    return Template(asset("frame.html")).substitute(title=title, css="".join(map(asset, css)), body=body)
 
 
 def script(parts: Iterable[str], constants: Iterable[str]) -> str:

@@ -4,6 +4,7 @@
   let playing = false, last = 0, framesDue = 0, returnTarget = null, redrawPending = false;
   const redraw = () => { if (!redrawPending) { redrawPending = true; requestAnimationFrame(() => { redrawPending = false; draw(); }); } };
   scrub.max = String(Math.max(nFrames - 1, 0));
+  for (const part of [play, scrub, position, element("speed").parentElement]) part.hidden = scene.volume && nFrames < 2;
   const secondsOf = (frame) => scene.time ? scene.time[frame] : frame / scene.rate;
   function show(next) {
     state.frame = Math.max(0, Math.min(nFrames - 1, next));

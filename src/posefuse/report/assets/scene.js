@@ -284,6 +284,7 @@
       context.strokeStyle = color;
       context.fillStyle = mark(person, state.frame, k, 0) === 2 ? colors.paper : color;
       disc(q, radius);
+      if (scene.labeled) label(scene.keypoints[k].replace(/^\D+/, ""), [q[0] + 6, q[1] - 5], colors.ink, 11, "left");
       if (camera && scene.markedViews) viewMark(q, mark(person, state.frame, k, 1 + state.camera), radius + 2.5);
       const m = state.marked;
       if (m && m.keypoint === k && (m.person === undefined || m.person === person)) {

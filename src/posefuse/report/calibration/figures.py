@@ -22,15 +22,16 @@ def arrow_scale_px(summary: CalibrationSummary) -> float:
         np.nanmax(np.append(np.hypot(*np.moveaxis(residual_structure(each, camera.size_px).mean_px, -1, 0)), 0.0))
         for camera, each in zip(summary.rig.cameras, summary.cameras, strict=True)
     ]
-    return _rounded_up(float(max(longest)))
+    return rounded_up(float(max(longest)))
 
 
 def scatter_scale_px(cameras: Sequence[CameraSummary]) -> float:
     """Return half the side of the scatter of residuals, the same for all cameras."""
-    return _rounded_up(3.0 * float(np.nanmedian([each.error_px for each in cameras])))
+    return rounded_up(3.0 * float(np.nanmedian([each.error_px for each in cameras])))
 
 
-def _rounded_up(value: float) -> float:
+def rounded_up(value: float) -> float:
+    """Return the next round number."""
     return next((each for each in _ROUND_PX if each >= value), value)
 
 
@@ -60,6 +61,33 @@ def image_figure(camera: Camera, each: CameraSummary, arrow_px: float) -> str:
     return (
         f'<svg class="image" viewBox="0 0 {_WIDTH:.0f} {tall:.0f}" role="img" aria-label="{text}">'
         f'<rect class="frame" width="{_WIDTH:.0f}" height="{tall:.0f}"/>{"".join(parts)}</svg>'
+    )
+
+
+def place_figure(camera: Camera, each: CameraSummary, numbers: Sequence[int], line_px: float) -> str:
+    """Return the image of a camera with numbered places of points and their residuals as lines, as SVG.
+
+    Args:
+        camera: the camera.
+        each: its places and residuals.
+        numbers: numbers of the points.
+        line_px: residual that a line as long as a tenth of the image's longer side stands for.
+    """
+    width, height = camera.size_px
+    scale = _WIDTH / max(width, height)
+    wide, tall = scale * width, scale * height
+    parts = []
+    for number, place, residual in zip(numbers, each.pixels, each.residual_px, strict=True):
+        start = (place + 0.5) * scale
+        error = float(np.hypot(*residual))
+        parts.append(
+            f"<g><title>point {number}: {error:.1f} px</title>{_arrow(start, start + residual / line_px * _WIDTH / 10)}"
+            f'<text x="{start[0] + 5:.1f}" y="{start[1] - 5:.1f}">{number}</text></g>'
+        )
+    text = escape(f"Places and residuals of points in the image of camera {camera.name}")
+    return (
+        f'<svg class="image places" viewBox="0 0 {wide:.0f} {tall:.0f}" role="img" aria-label="{text}">'
+        f'<rect class="frame" width="{wide:.0f}" height="{tall:.0f}"/>{"".join(parts)}</svg>'
     )
 
 

@@ -3,13 +3,12 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from html import escape
-from string import Template
 
 import numpy as np
 
 from posefuse.calibration.assessment import assess
 from posefuse.calibration.residual_structure import COLUMNS, ROWS, residual_structure
-from posefuse.model.calibration_summary import Advice, Assessment, CalibrationSummary
+from posefuse.model.calibration_summary import Advice, Assessment, CalibrationSummary, CalibrationTarget
 from posefuse.report.calibration import tables
 from posefuse.report.calibration.figures import (
     arrow_scale_px,
@@ -18,12 +17,21 @@ from posefuse.report.calibration.figures import (
     scatter_figure,
     scatter_scale_px,
 )
+from posefuse.report.calibration.points import point_cards, points_section
 from posefuse.report.calibration.scene import calibration_scene, sd_range_m
 from posefuse.report.messages import message_html
 from posefuse.report.numbers import format_three_digits
-from posefuse.report.page import asset, safe_json, script
+from posefuse.report.page import asset, document, safe_json, script
 
 _SCRIPTS = ("scene.js", "projection.js", "player.js", "start.js")
+_VOLUMES: dict[CalibrationTarget, str] = {
+    "board": "filmed volume", "people": "filmed volume", "points": "volume of the points",
+}  # fmt: skip
+_SHOWN: dict[CalibrationTarget, str] = {
+    "board": "Thin lines are all poses of the board.",
+    "people": "Thin lines are all places of the people.",
+    "points": "Dots are the points of known position.",
+}
 _VERDICTS = {"good": ("✓", "Good"), "check": ("!", "Check"), "bad": ("✗", "Do not use")}
 
 
@@ -50,8 +58,16 @@ SECTIONS = (
     Section("images", lambda summary, _: _images(summary)),
     Section("volume", lambda summary, _: tables.volume_table(summary)),
     Section("lengths", lambda summary, _: tables.length_table(summary)),
-    Section("shared", lambda summary, _: tables.shared_table(summary)),
-    Section("target", lambda summary, _: "the board" if summary.target == "board" else "the same people"),
+    Section("shared", lambda summary, _: tables.shared_section(summary)),
+    Section("points", lambda summary, _: points_section(summary)),
+    Section("scene_title", lambda summary, _: f"Cameras and {_VOLUMES[summary.target]}"),
+    Section("volume_name", lambda summary, _: _VOLUMES[summary.target]),
+    Section(
+        "relative",
+        lambda summary, _: (
+            "in the world of the points" if summary.target == "points" else "relative to the reference camera"
+        ),
+    ),
     Section("notes", lambda summary, _: "".join(f"<li>{message_html(note)}</li>" for note in summary.rig.notes)),
 )
 """The sections of the page; adding one takes a function, one record and a placeholder in ``calibration.html``."""
@@ -64,9 +80,11 @@ def render_calibration(summary: CalibrationSummary) -> str:
         summary: what to show.
     """
     assessment = assess(summary)
-    return Template(asset("calibration.html")).substitute(
-        title=f"Calibration of {len(summary.rig)} cameras",
-        css=asset("report.css") + asset("calibration.css"),
+    n = len(summary.rig)
+    return document(
+        "calibration.html",
+        title=f"Calibration of {n} {'camera' if n == 1 else 'cameras'}",
+        css=("report.css", "calibration.css"),
         scene=asset("scene.html"),
         script=script(_SCRIPTS, ("scene",)),
         data=safe_json({"scene": calibration_scene(summary)}),
@@ -75,6 +93,8 @@ def render_calibration(summary: CalibrationSummary) -> str:
 
 
 def _subtitle(summary: CalibrationSummary) -> str:
+    if summary.target == "points":
+        return f"From {summary.source}: {summary.n_observations} places in {len(summary.cameras)} images"
     return f"From {summary.source}: {summary.n_observations} points in {len(summary.points_m)} frames"
 
 
@@ -91,10 +111,17 @@ def _figures(summary: CalibrationSummary) -> str:
     held_out = [each.held_out_px for each in summary.cameras if np.isfinite(each.held_out_px)]
     shown = [(f"{summary.error_px:.2f}", "px", "root mean square error")]
     if held_out:
-        shown.append((f"{float(np.sqrt(np.mean(np.square(held_out)))):.2f}", "px", "in held-out images"))
+        what = "for held-out points" if summary.target == "points" else "in held-out images"
+        shown.append((f"{float(np.sqrt(np.mean(np.square(held_out)))):.2f}", "px", what))
     shown += [(f"{100 * each.error:+.2f}", "%", each.name) for each in summary.lengths]
     volume = summary.volume
-    shown.append((format_three_digits(1000 * volume.relative_sd_m), "mm", "sd of points in the volume"))
+    shown.append(
+        (
+            format_three_digits(1000 * volume.relative_sd_m),
+            "mm",
+            "sd of places in the volume" if summary.target == "points" else "sd of points in the volume",
+        )
+    )
     length_sd = float(np.hypot(volume.length_sd, summary.scale_sd))
     shown.append((format_three_digits(100 * length_sd), "%", "sd of lengths"))
     return "".join(
@@ -120,16 +147,18 @@ def _advice_item(summary: CalibrationSummary, each: Advice) -> str:
 
 def _scene_hint(summary: CalibrationSummary) -> str:
     low, high = (format_three_digits(1000 * value) for value in sd_range_m(summary.volume))
-    poses = "poses of the board" if summary.target == "board" else "places of the people"
+    volume = _VOLUMES[summary.target]
     return (
-        f"Thin lines are all {poses}. <b>Uncertainty</b> shows the filmed volume, colored by the standard deviation of "
-        f'points there: <span class="scale" aria-hidden="true"></span> {low} to {high} mm. '
+        f"{_SHOWN[summary.target]} <b>Uncertainty</b> shows the {volume}, colored by the standard deviation of "
+        f'triangulated points there: <span class="scale" aria-hidden="true"></span> {low} to {high} mm. '
         '<span id="truth-hint" hidden><span></span></span><span id="camera-hint" hidden></span>'
     )
 
 
 def _images(summary: CalibrationSummary) -> str:
     """Return one card per camera, with the scales of all drawings."""
+    if summary.target == "points":
+        return point_cards(summary)
     arrow_px, half_px = arrow_scale_px(summary), scatter_scale_px(summary.cameras)
     cards = "".join(_card(summary, v, arrow_px, half_px) for v in range(len(summary.cameras)))
     return (

@@ -12,6 +12,8 @@ from posefuse.report.scene import frusta, side_of
 
 SHOWN_POSES = 300
 """Largest number of poses of the target that are drawn."""
+_LABELED_POINTS = 60
+"""Largest number of points of known position whose names are drawn."""
 _DEPTH_SHARE = 0.45
 """Depth of a field of view, as a share of the distance to the middle of the volume."""
 _POSES_PER_SECOND = 6.0
@@ -26,13 +28,13 @@ def calibration_scene(summary: CalibrationSummary) -> dict[str, Any]:
     depths = [_DEPTH_SHARE * float(np.linalg.norm(camera.center_m - middle)) for camera in summary.rig.cameras]
     n_points = shown.shape[2]
     names = summary.point_names or tuple(f"corner {k + 1}" for k in range(n_points))
-    is_board = summary.target == "board"
+    is_target = summary.target != "people"
     return {
         "filmed": summary.target,
-        "people": ["board"] if is_board else [f"person_{p + 1}" for p in range(shown.shape[1])],
+        "people": [summary.target] if is_target else [f"person_{p + 1}" for p in range(shown.shape[1])],
         "keypoints": list(names),
         "edges": summary.edges.tolist(),
-        "sides": ["target" if is_board else side_of(name) for name in names],
+        "sides": ["target" if is_target else side_of(name) for name in names],
         "frames": summary.frames[::stride].tolist(),
         "time": None,
         "stride": 1,
@@ -47,6 +49,7 @@ def calibration_scene(summary: CalibrationSummary) -> dict[str, Any]:
         "covariances": [],
         "marks": [base64.b64encode(bytes(len(shown) * n_points)).decode()] * shown.shape[1],
         "markedViews": False,
+        "labeled": summary.target == "points" and n_points <= _LABELED_POINTS,
         "truth": None,
         "volume": _volume(summary.volume),
     }

@@ -13,7 +13,8 @@ _SPEED_M_S = 1.0
 
 def camera_table(summary: CalibrationSummary) -> str:
     """Return one row per camera: errors, lens, and standard deviations."""
-    head = ("Camera", "Images", "Error, px", "Held-out, px", "Lens", "Focal length, px", "Rotation ±, °",
+    counted = "Points" if summary.target == "points" else "Images"
+    head = ("Camera", counted, "Error, px", "Held-out, px", "Lens", "Focal length, px", "Rotation ±, °",
             "Position ±, mm", "Time offset, ms")  # fmt: skip
     rows = [_camera_row(summary, v) for v in range(len(summary.cameras))]
     shown = [k for k in range(len(head)) if k == 0 or any(row[k] != "–" for row in rows)]
@@ -41,7 +42,7 @@ def _camera_row(summary: CalibrationSummary, v: int) -> list[str]:
         offset = "0" if is_reference else f"{1000 * each.offset_s:+.1f} ± {1000 * each.offset_sd_s:.1f}"
     return [
         camera.name,
-        str(each.n_images),
+        str(len(each.pixels) if summary.target == "points" else each.n_images),
         f"{each.error_px:.2f}",
         f"{each.held_out_px:.2f}" if np.isfinite(each.held_out_px) else "–",
         lens,
@@ -50,6 +51,17 @@ def _camera_row(summary: CalibrationSummary, v: int) -> list[str]:
         "reference" if is_reference else format_three_digits(1000 * each.center_sd_m),
         offset,
     ]
+
+
+def shared_section(summary: CalibrationSummary) -> str:
+    """Return the number of frames that cameras share; empty for points, which locate each camera on its own."""
+    if summary.target == "points":
+        return ""
+    target = "the board" if summary.target == "board" else "the same people"
+    return (
+        f"<section><h2>Frames that cameras share</h2><p>Number of frames in which two cameras saw {target}. Every "
+        f"camera needs ten or more with some other camera.</p>{shared_table(summary)}</section>"
+    )
 
 
 def shared_table(summary: CalibrationSummary) -> str:
@@ -70,11 +82,11 @@ def shared_table(summary: CalibrationSummary) -> str:
 def volume_table(summary: CalibrationSummary) -> str:
     """Return what the covariance of the cameras means for triangulated points."""
     volume = summary.volume
-    first = summary.rig.names[0]
+    to_what = "in the world" if summary.target == "points" else f"relative to camera {summary.rig.names[0]}"
     rows = [
         ("A point, relative to the other points of the volume", _mm(volume.relative_sd_m)),
         ("… at the best and the worst place", _range(volume.sd_m)),
-        (f"A point in the middle of the volume, relative to camera {first}", _mm(volume.middle_sd_m)),
+        (f"A point in the middle of the volume, {to_what}", _mm(volume.middle_sd_m)),
         ("A length of 1 m", _mm(volume.length_sd)),
     ]
     if summary.scale_sd:

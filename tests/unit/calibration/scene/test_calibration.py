@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from posefuse.calibration.scene.calibration import KnownLens, calibrate_by_scene
+from posefuse.calibration.scene.calibration import calibrate_by_scene
+from posefuse.calibration.scene.view import KnownLens
 from posefuse.errors import CalibrationError
 from posefuse.model.cameras import vector_from_rotation
 from posefuse.model.scene_points import ScenePoints
