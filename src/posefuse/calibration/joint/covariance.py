@@ -19,7 +19,10 @@ def score_covariance(rays: np.ndarray, rows: Rows, law: NoiseLaw) -> np.ndarray:
     """
     size = rays.shape[-1]
     sd = score_sds(rows)
-    streams = (rays * sd[:, None, None]).reshape(len(rows.frames), -1, size)
+    streams = (rays * sd[:, None, None]).reshape(len(rows.frames), rows.points_m.shape[1], -1)
+    if law.mixing is not None:
+        streams = law.mixing.T @ streams
+    streams = streams.reshape(len(rows.frames), -1, size)
     fast, slow = (_decaying(streams, rows.time_s, reach_s) for reach_s in (FAST_S, SLOW_S))
     return (1.0 - law.slow) * fast + law.slow * slow
 

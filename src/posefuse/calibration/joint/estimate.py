@@ -25,6 +25,7 @@ from posefuse.calibration.joint.noise_law import NoiseLaw, estimate_law
 from posefuse.calibration.joint.parameters import JointParameters, difference
 from posefuse.calibration.joint.prior import Prior
 from posefuse.calibration.joint.recording import JointRecording
+from posefuse.calibration.joint.similar_errors import error_mixing
 from posefuse.calibration.joint.velocity_gain import velocity_gain
 from posefuse.kernels.calibration.joint import FOCAL, VIEW_PARAMETERS
 
@@ -167,20 +168,21 @@ def sample_frames(recording: JointRecording, max_samples: int) -> np.ndarray:
     return np.flatnonzero((np.arange(n_frames) - first) % stride == 0)
 
 
-def _law(rows: Rows) -> NoiseLaw:
+def _law(rows: Rows, people: np.ndarray | None) -> NoiseLaw:
     """Return the law of the errors from the residuals."""
     shape = rows.points_m.shape[:2]
     scores = np.where(rows.seen[..., None], rows.scores, np.nan).reshape(*shape, rows.n_views * 2)
     left = float(np.mean(1.0 - rows.leverage()[rows.seen])) if rows.seen.any() else 1.0
     absorbed = (rows.n_views * 6 - _N_SIMILARITY) / max(left, 0.1)
-    return estimate_law(scores.reshape(shape[0], -1), rows.time_s, absorbed)
+    law = estimate_law(scores.reshape(shape[0], -1), rows.time_s, absorbed)
+    return law if people is None else replace(law, mixing=error_mixing(rows, people))
 
 
 def _finish(
     recording: JointRecording, rows: Rows, parameters: JointParameters, prior: Prior, known: KnownPoses | None
 ) -> JointEstimate:
     """Return the estimate with its covariance."""
-    n, law = recording.n_views, _law(rows)
+    n, law = recording.n_views, _law(rows, recording.people)
     calibrated = _calibrated(recording, parameters.size)
     basis, projection = _gauge(rows, parameters, known)
     rays = influences(rows)

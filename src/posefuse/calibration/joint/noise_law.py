@@ -5,7 +5,7 @@ as a person shows the camera the same side (0.4 after a second). The shares of b
 residuals of the recording.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,13 +19,16 @@ _MAX_LAG_S = 1.0
 
 @dataclass(frozen=True)
 class NoiseLaw:
-    """Correlation of the errors of one keypoint in one view.
+    """Correlation of the errors of the keypoints in one view.
 
     Attributes:
         slow: share of the variance that decays within ``SLOW_S``; the remainder decays within ``FAST_S``.
+        mixing: shape (column, column): root of the correlation of the errors of different columns at one time; None if
+            these are independent.
     """
 
     slow: float = _USUAL_SLOW
+    mixing: np.ndarray | None = field(default=None, compare=False)
 
     def correlation(self, lag_s: np.ndarray | float) -> np.ndarray:
         """Return the correlation of errors some time apart."""

@@ -27,6 +27,8 @@ class JointRecording:
         rotation: shape (view, 3, 3): calibrated, camera_from_world.
         center_m: shape (view, 3): calibrated camera centers.
         common_s: shape (frame,): times at which points are estimated; None if they are the mean timestamps.
+        people: shape (column,), int: person of each column, where errors of close keypoints may be similar; None if
+            errors of different columns count as independent.
     """
 
     names: tuple[str, ...]
@@ -38,6 +40,7 @@ class JointRecording:
     rotation: np.ndarray
     center_m: np.ndarray
     common_s: np.ndarray | None = None
+    people: np.ndarray | None = None
 
     @property
     def moments_s(self) -> np.ndarray:

@@ -22,13 +22,12 @@ from posefuse.calibration.people.agreement import estimate_with_prior
 from posefuse.calibration.people.held_out import held_out_errors
 from posefuse.calibration.people.joint_recording import NOISE_PER_WIDTH, joint_recording
 from posefuse.calibration.people.lens_covariance import OtherLens
-from posefuse.calibration.people.shared_focal import (
-    DIFFERENT_SD,
-    NEGLIGIBLE,
-    SAME_SD,
+from posefuse.calibration.people.shared_lenses import (
+    SPREADS,
+    distortion_prior,
     focal_prior,
     mixed,
-    probability_of_one_kind,
+    spread_probabilities,
 )
 from posefuse.calibration.people.views import MatchedViews, ViewTracks
 from posefuse.errors import CalibrationError
@@ -109,7 +108,7 @@ def estimate_people(
     recording, place = joint_recording(matched)
     prior, log_focal = _prior(matched), _unknown_log_focal(matched)
     if known is None:
-        prior = focal_prior(prior, log_focal, DIFFERENT_SD)
+        prior = focal_prior(prior, log_focal, SPREADS[0])
     rough = estimate(recording, None, _START_SAMPLES, prior, known=known)
     if rough is None:
         raise CalibrationError(
@@ -131,13 +130,16 @@ def estimate_people(
 
 
 def _by_people(recording: JointRecording, rough: JointEstimate, prior: Prior, log_focal: np.ndarray) -> JointEstimate:
-    """Return the estimate from the people alone, a mixture if unknown focal lengths may be equal."""
+    """Return the estimate from the people alone, a mixture if focal lengths of several spreads are probable."""
     joint = _weighted_estimate(recording, rough, prior)
-    probability = probability_of_one_kind(joint, log_focal)
-    if probability <= NEGLIGIBLE:
+    probability = spread_probabilities(joint, log_focal)
+    if probability[0] == 1.0:
         return joint
-    same = _weighted_estimate(recording, joint, focal_prior(prior, log_focal, SAME_SD))
-    return mixed(joint, same, probability, recording)
+    estimates = [joint]
+    for sd, share in zip(SPREADS[1:], probability[1:], strict=True):
+        closer = focal_prior(prior, log_focal, sd)
+        estimates.append(_weighted_estimate(recording, estimates[-1], closer) if share > 0.0 else joint)
+    return mixed(estimates, probability, recording)
 
 
 def _check_determined(joint: JointEstimate, log_focal: np.ndarray) -> None:
@@ -181,8 +183,9 @@ def _prior(matched: MatchedViews) -> Prior:
     out = np.tile(_PRIOR_SD, (len(matched.views), 1))
     known = np.array([view.focal_known for view in matched.views])
     out[known, FOCAL:] = _KNOWN_LENS_SD
-    out[[not _is_lens_unknown(view) for view in matched.views], RADIAL] = _KNOWN_LENS_SD[1]
-    return Prior.of_sds(out[:, :FOCAL] if known.all() else out)
+    unknown = np.array([_is_lens_unknown(view) for view in matched.views])
+    out[~unknown, RADIAL] = _KNOWN_LENS_SD[1]
+    return Prior.of_sds(out[:, :FOCAL]) if known.all() else distortion_prior(Prior.of_sds(out), unknown)
 
 
 def _unknown_log_focal(matched: MatchedViews) -> np.ndarray:

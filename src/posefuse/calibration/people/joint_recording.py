@@ -45,6 +45,7 @@ def joint_recording(matched: MatchedViews) -> tuple[JointRecording, np.ndarray]:
         np.stack([view.camera.rotation for view in views]),
         np.stack([view.camera.center_m for view in views]),
         time_s[:, densest].copy(),
+        columns // n_keypoints,
     )
     return recording, place.reshape(n_people, n_keypoints)
 

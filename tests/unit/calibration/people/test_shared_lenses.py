@@ -1,4 +1,4 @@
-"""Unknown focal lengths of cameras of one kind are estimated together, those of different cameras are not."""
+"""Unknown lenses of cameras of one kind are estimated together, those of different cameras are not."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -10,11 +10,12 @@ from benchmarks.calibration_scores import score_calibration
 
 from posefuse.calibration.joint.estimate import JointEstimate, estimate
 from posefuse.calibration.joint.parameters import JointParameters
+from posefuse.calibration.joint.prior import Prior
 from posefuse.calibration.people import estimate as module
 from posefuse.calibration.people.estimate import estimate_people
 from posefuse.calibration.people.joint_recording import joint_recording
-from posefuse.calibration.people.shared_focal import mixed, probability_of_one_kind
-from posefuse.kernels.calibration.joint import FOCAL
+from posefuse.calibration.people.shared_lenses import SPREADS, distortion_prior, mixed, spread_probabilities
+from posefuse.kernels.calibration.joint import FOCAL, RADIAL
 from tests.unit.calibration.people.matched_scenes import disturbed, walking_person
 
 
@@ -26,7 +27,7 @@ def test_similar_cameras_share_their_focal_length(monkeypatch):
     matched, rig = walking_person(duration_s=6.0, seed=1)
     start = disturbed(matched, 4, focal=0.1)
     found = estimate_people(start)
-    monkeypatch.setattr(module, "probability_of_one_kind", lambda *_: 0.0)
+    monkeypatch.setattr(module, "spread_probabilities", lambda *_: np.array([1.0, 0.0, 0.0]))
     alone = estimate_people(start)
     assert score_calibration(found.cameras, rig).worst_focal < score_calibration(alone.cameras, rig).worst_focal
     assert np.ptp(np.log(relative(found))) < 0.8 * np.ptp(np.log(relative(alone)))
@@ -34,17 +35,49 @@ def test_similar_cameras_share_their_focal_length(monkeypatch):
     assert variances[0] < variances[1]
 
 
-@pytest.mark.parametrize(("spread", "least", "most"), [(0.0, 0.5, 1.0), (0.15, 0.0, 0.02)])
-def test_measured_focal_lengths_show_whether_cameras_are_of_one_kind(spread, least, most):
-    joint, log_focal = measured(sd=0.01, log_focal=spread * np.array([1.0, -1.0, 1.0, -1.0]))
-    assert least <= probability_of_one_kind(joint, log_focal) <= most
+@pytest.mark.parametrize(("spread", "likely"), [(0.0, 2), (0.06, 1), (0.2, 0)])
+def test_measured_focal_lengths_show_how_different_cameras_are(spread, likely):
+    joint, log_focal = measured(sd=0.005, log_focal=spread * np.array([1.0, -1.0, 1.0, -1.0]))
+    probability = spread_probabilities(joint, log_focal)
+    assert probability.sum() == pytest.approx(1.0)
+    assert np.argmax(probability) == likely
+    assert probability[likely] > 0.6
 
 
 def test_uncertain_focal_lengths_leave_the_probability_open():
-    """Equal values that are known to 15 % say nothing: the result is the mean of both estimates."""
-    joint, log_focal = measured(sd=0.15, log_focal=np.zeros(4))
-    probability = probability_of_one_kind(joint, log_focal)
-    assert 0.3 < probability < 0.9
+    """Equal values that are known to 14 % say little: several spreads remain probable."""
+    joint, log_focal = measured(sd=0.14, log_focal=np.zeros(4))
+    probability = spread_probabilities(joint, log_focal)
+    assert probability.min() > 0.1
+
+
+def test_many_uncertain_cameras_that_differ_do_not_count_as_one_kind():
+    """Nine focal lengths that differ by 7 % and are known to 7 % are no evidence of cameras of one kind."""
+    different = 0.07 * np.random.default_rng(2).standard_normal(9)
+    joint, log_focal = measured(sd=0.063, log_focal=different)
+    probability = spread_probabilities(joint, log_focal)
+    assert probability[SPREADS.index(0.015)] < 0.4
+
+
+def test_likelihood_of_a_spread_is_that_of_normal_numbers():
+    """Estimates whose posterior is known have the evidence of a normal distribution with both variances."""
+    sd, differences = 0.05, np.array([0.03, -0.03])
+    told = 1.0 / (sd**-2.0 + SPREADS[0] ** -2.0)
+    joint, log_focal = measured(np.sqrt(told), told / sd**2 * differences)
+    spread = np.array(SPREADS)
+    expected = np.exp(-0.5 * 2 * 0.03**2 / (sd**2 + spread**2)) / np.hypot(sd, spread)
+    np.testing.assert_allclose(spread_probabilities(joint, log_focal), expected / expected.sum(), rtol=1e-9)
+
+
+def test_common_distortion_is_as_probable_as_that_of_one_camera():
+    """Eight equal coefficients cost little more than a single one; a single different one costs more."""
+    prior = distortion_prior(Prior.of_sds(np.ones((8, 10))), np.ones(8, dtype=bool))
+    own = np.ix_(*[np.arange(8) * 10 + RADIAL] * 2)
+    precision = prior.precision[own]
+    equal = np.full(8, 0.28)
+    single = 0.28**2 / np.linalg.inv(precision)[0, 0]
+    assert equal @ precision @ equal == pytest.approx(single, rel=0.25)
+    assert precision[0, 0] * 0.28**2 > 3.0 * single
 
 
 def measured(sd: float, log_focal: np.ndarray):
@@ -66,7 +99,7 @@ def test_mixture_covers_both_estimates():
     change = np.zeros_like(first.change)
     change[1, 3] = 0.2
     second = replace(first, parameters=first.parameters.changed(change))
-    both = mixed(first, second, 0.5, recording)
+    both = mixed([first, second], np.array([0.5, 0.5]), recording)
     apart = first.projection @ change.ravel()
     np.testing.assert_allclose(both.covariance - first.covariance, 0.25 * np.outer(apart, apart), atol=1e-12)
     np.testing.assert_allclose(both.parameters.center_m - first.parameters.center_m, 0.5 * change[:, 3:6], atol=1e-12)
