@@ -30,6 +30,17 @@ def distance(a: np.ndarray, b: np.ndarray, mirror: np.ndarray, least_common: int
     return min(values, default=1e9)
 
 
+def mostly_within(a: np.ndarray, b: np.ndarray, mirror: np.ndarray, least_common: int, most: float) -> bool:
+    """Return whether the median distance of two detections is small, with the sides that agree better."""
+    size = max(extent(a), extent(b))
+    for each in (a, a[mirror]):
+        lengths = np.linalg.norm(each - b, axis=1)
+        lengths = np.sort(lengths[np.isfinite(lengths)])
+        if len(lengths) >= least_common and lengths[(len(lengths) - 1) // 2] <= most * size:
+            return True
+    return False
+
+
 def link(starts, time_s, pixels, mirror, limits) -> np.ndarray:
     """Return the track of each row; arguments as of the kernel, without identities and repeated detections."""
     gap, gate_0, gate_per_s, gate_most, ratio, margin, least_common, near = limits
@@ -48,18 +59,24 @@ def link(starts, time_s, pixels, mirror, limits) -> np.ndarray:
         ended = set()
         for t in active:
             best = min(rows, key=lambda r: cost[t.number, r], default=None)
-            if best is None or cost[t.number, best] > gates[t.number]:
+            if best is None:
                 continue
             c = cost[t.number, best]
+            close = c <= gates[t.number]
+            predicted = pixels[t.row] + t.velocity * (now - t.seen_s)
+            if not close and not mostly_within(predicted, pixels[best], mirror, least_common, gates[t.number]):
+                continue
             rivals = [o for o in active if o is not t]
             clear = all(cost[t.number, r] >= max(ratio * c, c + margin * gates[t.number]) for r in rows if r != best)
             clear &= all(cost[o.number, best] >= max(ratio * c, c + margin * gates[o.number]) for o in rivals)
             if not clear:
-                ended.add(t.number)
+                if close:
+                    ended.add(t.number)
                 continue
             track[best] = t.number
-            motion = np.nanmean(pixels[best] - pixels[t.row], axis=0) / (now - t.seen_s)
-            t.velocity = t.velocity + 0.5 * (motion - t.velocity)
+            if close:
+                motion = np.nanmean(pixels[best] - pixels[t.row], axis=0) / (now - t.seen_s)
+                t.velocity = t.velocity + 0.5 * (motion - t.velocity)
             t.row, t.seen_s = best, now
         new = [r for r in rows if track[r] == -1]
         for t in active:

@@ -23,6 +23,8 @@ def crowd(seed: int, frames: int = 60, people: int = 4) -> tuple[np.ndarray, np.
         for p in seen:
             row = body[p] + start[p] + velocity[p] * now + rng.normal(0.0, 2.0, (5, 2))
             row[rng.uniform(size=5) < 0.1] = np.nan
+            if rng.uniform() < 0.1:
+                row[rng.integers(0, 5, 2)] += rng.normal(0.0, 40.0, (2, 2))
             rows.append(row[MIRROR] if rng.uniform() < 0.1 else row)
     return np.concatenate([[0], np.cumsum(counts)]), time_s, np.array(rows)
 
@@ -63,3 +65,20 @@ def test_active_tracks_are_bounded(rng):
     )
     assert track.min() == 0
     assert track.max() == n_tracks - 1
+
+
+def test_mistaken_limbs_do_not_end_the_track_of_one_person(rng):
+    """Two of five keypoints jump by half the extent in frames 20 to 22, and the person walks on."""
+    body = rng.uniform(-50.0, 50.0, (5, 2))
+    time_s = np.arange(60) / 30.0
+    pixels = body + 60.0 * time_s[:, None, None] * [1.0, 0.0]
+    pixels[20:23, 3:] += [0.0, 70.0]
+    none = np.full(60, -1)
+    track = none.copy()
+    assert link_detections(np.arange(61), time_s, ViewRows(pixels, none, MIRROR, LIMITS), track) == 1
+    # Another person at twice that distance is a second candidate of no detection.
+    both = np.stack([pixels, pixels[:, ::-1] + [400.0, 0.0]], axis=1).reshape(120, 5, 2)
+    none = np.full(120, -1)
+    track = none.copy()
+    assert link_detections(2 * np.arange(61), time_s, ViewRows(both, none, MIRROR, LIMITS), track) <= 4
+    assert all(len(np.unique(np.arange(120)[track == t] % 2)) == 1 for t in np.unique(track))

@@ -84,6 +84,30 @@ def _extent(pixels, row):
 
 
 @subroutine
+def _mostly_within(pixels, a, b, shift, mirror, limits):
+    """Return whether half the common keypoints of two detections are within a share of the larger extent.
+
+    Args:
+        pixels, a, b, shift, mirror: as of :func:`_distance`.
+        limits: share of the extent, and least number of common keypoints.
+    """
+    most = limits[0] * max(_extent(pixels, a), _extent(pixels, b))
+    for swapped in range(2):
+        common = 0
+        within = 0
+        for k in range(pixels.shape[1]):
+            other = mirror[k] if swapped else k
+            dx = pixels[a, other, 0] + shift[0] - pixels[b, k, 0]
+            dy = pixels[a, other, 1] + shift[1] - pixels[b, k, 1]
+            if np.isfinite(dx) and np.isfinite(dy):
+                common += 1
+                within += np.sqrt(dx * dx + dy * dy) <= most
+        if common >= limits[1] and 2 * within >= common:
+            return True
+    return False
+
+
+@subroutine
 def _count(pixels, row):
     """Return the number of detected keypoints."""
     found = 0
@@ -183,6 +207,8 @@ def link_detections(starts, time_s, view, track):
     A track ends when it is not seen for a while, when it or its nearest detection has a second candidate, and when
     another detection appears so close to it that it may be the one that was hidden or merged with it before. It also
     ends where the detector's identity changes to that of another active track; the same identity doubles the gate.
+    A detection beyond the gate, of which half the keypoints are within it, continues a track if there is no second
+    candidate: a detector that mistakes the limbs of a person for a few frames still sees the same person.
 
     Args:
         starts: shape (frame + 1,): first row of each frame.
@@ -272,14 +298,18 @@ def _continue_track(i, rows, view, active, cost, track):
     known = view.ids[a] >= 0 and view.ids[b] >= 0
     if known and view.ids[a] == view.ids[b]:
         gate *= 2.0
-    if cost[i, j] > gate:
-        return
     clear = _is_link(cost, i, j, n, active.dt, view.limits)
+    near = cost[i, j] <= gate
+    if not near:
+        active.shift[0] = active.velocity[i, 0] * active.dt[i]
+        active.shift[1] = active.velocity[i, 1] * active.dt[i]
+        if not (clear and _mostly_within(view.pixels, a, b, active.shift, view.mirror, (gate, view.limits[6]))):
+            return
     if not clear or (known and _is_other(i, view.ids, a, b, active.last)):
         active.last[i] = -1
         return
     track[b] = track[a]
-    if active.dt[i] > 0.0:
+    if near and active.dt[i] > 0.0:
         for axis in range(2):
             measured = _mean_shift(view.pixels, a, b, axis) / active.dt[i]
             active.velocity[i, axis] += _VELOCITY_GAIN * (measured - active.velocity[i, axis])
