@@ -38,7 +38,7 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(20)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def shared_data():
     """Return a function that gives a folder of real recordings by name, or skips the test with a reason."""
 

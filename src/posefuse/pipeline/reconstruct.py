@@ -17,16 +17,17 @@ from posefuse.arrays import ranges
 from posefuse.association.one_subject import SingleSubject, lone_detections
 from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
 from posefuse.diagnostics.sample_findings import sample_findings
+from posefuse.diagnostics.view_shifts import shift_note
 from posefuse.errors import DetectionsError, OptionsError
 from posefuse.model.cameras import CameraRig
 from posefuse.model.concatenate import concatenate_ranges
 from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.options.options import Options
 from posefuse.model.options.postprocess import PostprocessOptions
-from posefuse.model.reconstruction import Provenance, Reconstruction
+from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
 from posefuse.model.tracks import Tracks
 from posefuse.noise.estimate import estimate_noise, fixed_noise
-from posefuse.noise.samples import sample_spans, take_samples
+from posefuse.noise.samples import Samples, sample_spans, take_samples
 from posefuse.noise.scales import assumed_noise
 from posefuse.pipeline import solved_layer
 from posefuse.pipeline.defaults import RecordingFacts, cut_time, resolve_method, resolve_options
@@ -169,12 +170,21 @@ def examine(
     sampled = subjects if found else lone_detections(detections)
     samples = take_samples(detections, sampled) if len(rig) > 1 else None
     noise = estimate_noise(rig, samples, options, progress)
+    if found and samples is not None and noise.layer is not None:
+        notes = (*notes, *_shift_notes(rig, noise.layer, samples))
     provenance = Provenance(
         versions={"posefuse": version("posefuse"), "numpy": np.__version__, "python": python_version()},
         notes=(*partial_notes, *rig.notes, *detections.notes, *notes, *weight_notes),
     )
     plan = Plan(rig, detections, requested, options, subjects, bodies, noise.noise, provenance, noise.layer)
     return _with_resolved_method(plan, options, facts)
+
+
+def _shift_notes(rig: CameraRig, layer: Layer, samples: Samples) -> tuple[str, ...]:
+    """Return a note if the points of a sample show shifted views."""
+    sample = next(each for each in (samples.large, samples.small) if each.detections.n_frames == len(layer.points_m))
+    note = shift_note(rig, layer, sample.detections, sample.tracks)
+    return () if note is None else (note,)
 
 
 def used_inputs(
