@@ -126,6 +126,7 @@ if TYPE_CHECKING:
     from posefuse.pipeline.run.recipe import RunOutcome as RunOutcome
     from posefuse.pipeline.run.recipe import plan_run as plan_run
     from posefuse.pipeline.run.recipe import run as run
+    from posefuse.pipeline.start_tag_evidence import start_tag_evidence as start_tag_evidence
     from posefuse.pipeline.sync_evidence import Synchronization as Synchronization
     from posefuse.pipeline.sync_evidence import sound_evidence as sound_evidence
     from posefuse.pipeline.sync_evidence import synchronize as synchronize
@@ -239,6 +240,7 @@ _PUBLIC = {
     "pipeline.reconstruct_recording": ("Outcome", "reconstruct_recording"),
     "pipeline.refine_calibration": ("refine_calibration",),
     "pipeline.report_videos": ("write_report",),
+    "pipeline.start_tag_evidence": ("start_tag_evidence",),
     "pipeline.sync_evidence": ("sound_evidence", "Synchronization", "synchronize"),
     "pipeline.sync_recording": ("sync_recording", "SyncRequest"),
     "pipeline.run.recipe": ("plan_run", "run", "RunOutcome"),

@@ -2,13 +2,14 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, note, say, table, warn
 from posefuse.cli.types import OptionFlags, Overwrite, Recording, SyncedInputFlags, SyncedInputs, with_sync
 from posefuse.cli.videos import Videos
+from posefuse.model.clock_evidence import EvidenceSource
 from posefuse.model.options.options import Options
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ def _show_timings(found: "Synchronization") -> None:
 
 def _show_evidence(found: "Synchronization") -> None:
     """Print the offset of each view by each source, if there is another one than keypoints."""
-    sources = [name for name in ("timestamps", "sound", "keypoints") if any(e.source == name for e in found.evidence)]
+    sources = [name for name in get_args(EvidenceSource) if any(e.source == name for e in found.evidence)]
     if sources == ["keypoints"]:
         return
     views = list(dict.fromkeys(each.view for each in found.evidence))

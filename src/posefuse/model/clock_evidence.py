@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-EvidenceSource = Literal["timestamps", "sound", "keypoints"]
+EvidenceSource = Literal["timestamps", "timecode", "creation time", "sound", "keypoints"]
 
 
 @dataclass(frozen=True)

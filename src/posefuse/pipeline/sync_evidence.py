@@ -94,14 +94,24 @@ def sound_evidence(
     )
 
 
-def start_times(sound: Sequence[ClockEvidence]) -> SyncOptions:
-    """Return options that correct the views whose sound shows a significant time offset."""
+def start_times(starts: Sequence[ClockEvidence]) -> SyncOptions:
+    """Return options that correct the views whose sound, or else whose tags, show a significant time offset."""
     rows = [
         (each.view, 0.0, each.offset_s, each.drift_ppm)
-        for each in sound
-        if each.is_decisive and (abs(each.offset_s) > _SIGNIFICANT_Z * each.sd_s or each.drift_ppm)
+        for each in _decisive(starts).values()
+        if (abs(each.offset_s) > _SIGNIFICANT_Z * each.sd_s or each.drift_ppm)
     ]
     return SyncOptions(*zip(*rows, strict=True)) if rows else SyncOptions()
+
+
+def _decisive(starts: Sequence[ClockEvidence]) -> dict[str, ClockEvidence]:
+    """Return the evidence on the start of each view that has any: by its sound, or else by the tags of its video."""
+    found = {each.view: each for each in starts if each.is_decisive}
+    return found | {each.view: each for each in _sounds(starts) if each.is_decisive}
+
+
+def _sounds(starts: Sequence[ClockEvidence]) -> tuple[ClockEvidence, ...]:
+    return tuple(each for each in starts if each.source == "sound")
 
 
 @checked
@@ -119,13 +129,14 @@ def synchronize(
     """Combine the evidence on the clocks of all views.
 
     Frame times that the cameras wrote are kept, and sound is only compared with them. Without them, sound gives the
-    start of each view. Keypoints then show what remains, to a fraction of a frame; where they contradict the sound,
-    they decide, because they show when the images were taken.
+    start of each view; where there is none, the tags of the videos bring the views near. Keypoints then show what
+    remains, to a fraction of a frame; where they contradict the sound or the tags, they decide, because they show when
+    the images were taken.
 
     Args:
         rig: calibrated cameras, or None.
         detections: 2D keypoints, or None.
-        sound: evidence of :func:`sound_evidence` by the name of the view.
+        sound: evidence of :func:`sound_evidence`, and of :func:`start_tag_evidence`, by the name of the view.
         options: options as of :func:`reconstruct`; those that assign detections to people are used.
         timestamps: name of the file from which the frame times come, or None if they follow from a frame rate.
         reference: camera whose clock is correct; by default that of most views.
@@ -138,30 +149,30 @@ def synchronize(
     """
     options, progress = options or Options(), progress or Silent()
     if rig is None or detections is None:
-        starts = start_times(sound)
+        starts = start_times(_sounds(sound))
         return Synchronization(starts, starts, tuple(sound))
     views = _Views.of(rig, detections, sound, options)
     starts = SyncOptions() if timestamps is not None else start_times(views.sound)
     base = tuple(views.sound) + _timestamp_evidence(views, timestamps)
     judged = _judge(views, starts, options, reference, reach_s, progress)
     contradictions: list[str] = []
-    if not starts.does_nothing and (judged.error is not None or judged.contradicts(views.sound)):
+    # Tags are weak evidence, so keypoints are always asked without them, too.
+    by_tags = any(each.view in starts.cameras for each in _decisive(views.sound).values() if each.source != "sound")
+    if not starts.does_nothing and (by_tags or judged.error is not None or judged.contradicts(views.sound)):
         unshifted = _judge(views, SyncOptions(), options, reference, reach_s, progress)
-        if unshifted.error is None and (judged.error is not None or unshifted.sync.does_nothing):
-            contradictions.append(
-                "The keypoints of the views agree at their own times, but not at the times by the sound; the sound is "
-                "not used. Do the videos contain the original sound?"
-            )
+        if unshifted.is_better_than(judged, compared=by_tags):
+            contradictions.append(_unused_starts(views.sound))
             judged, starts = unshifted, SyncOptions()
     if judged.error is not None:
         if not any(each.is_decisive for each in views.sound):
             raise judged.error
         keypoints = tuple(_no_evidence(name, str(judged.error)) for name in views.names)
-        return Synchronization(starts, starts, (*base, *keypoints), _timestamp_contradictions(views, timestamps))
+        found = (*_tag_contradictions(views.sound), *_timestamp_contradictions(views, timestamps))
+        return Synchronization(starts, starts, (*base, *keypoints), found)
     keypoints = _keypoint_evidence(views, starts, judged.timings)
     if not contradictions and timestamps is None:
         contradictions += _contradictions(views, starts, judged.timings)
-    contradictions += _timestamp_contradictions(views, timestamps)
+    contradictions += [*_tag_contradictions(views.sound), *_timestamp_contradictions(views, timestamps)]
     return Synchronization(
         _combined(_refined(starts, views.sound, judged.timings), judged.sync),
         starts,
@@ -204,9 +215,22 @@ class _Judged:
     findings: tuple[Finding, ...] = ()
     error: DetectionsError | None = None
 
+    def is_better_than(self, shifted: "_Judged", *, compared: bool) -> bool:
+        """Return whether views agree at their own times, or, if ``compared``, with fewer faults than at other times."""
+        if self.error is not None:
+            return False
+        if shifted.error is not None or self.sync.does_nothing:
+            return True
+        return compared and self.n_faults < shifted.n_faults
+
+    @property
+    def n_faults(self) -> int:
+        """Number of findings beside time offsets, which are corrected."""
+        return sum(finding.kind != "time offset" for finding in self.findings)
+
     def contradicts(self, sound: Sequence[ClockEvidence]) -> bool:
         """Return whether a view still has an offset that its sound does not explain."""
-        heard = {each.view: each.sd_s for each in sound if each.is_decisive}
+        heard = {view: each.sd_s for view, each in _decisive(sound).items()}
         return any(
             timing.is_corrected
             and timing.camera in heard
@@ -259,7 +283,7 @@ def _no_evidence(view: str, reason: str) -> ClockEvidence:
 
 def _contradictions(views: _Views, starts: SyncOptions, timings: Sequence[ViewTiming]) -> list[str]:
     """Return the views whose keypoints show another offset than their sound."""
-    sound = {each.view: each for each in views.sound if each.is_decisive}
+    sound = _decisive(views.sound)
     found = []
     for timing in timings:
         heard = sound.get(timing.camera)
@@ -269,17 +293,45 @@ def _contradictions(views: _Views, starts: SyncOptions, timings: Sequence[ViewTi
         if timing.camera not in starts.cameras:
             rest_s -= heard.offset_s
         if _differs(rest_s, float(np.hypot(timing.offset_sd_s, heard.sd_s))):
+            source = heard.source
             found.append(
-                f"Sound and keypoints contradict each other in {timing.camera}: the keypoints show it "
-                f"{1e3 * abs(rest_s):.0f} ms {'later' if rest_s > 0 else 'earlier'} than the sound. The keypoints are "
-                "used."
+                f"{source.capitalize()} and keypoints contradict each other in {timing.camera}: the keypoints show it "
+                f"{1e3 * abs(rest_s):.0f} ms {'later' if rest_s > 0 else 'earlier'} than the {source}. The keypoints "
+                "are used."
             )
     return found
 
 
+def _unused_starts(starts: Sequence[ClockEvidence]) -> str:
+    """Return why start times are not used that keypoints contradict."""
+    if any(each.is_decisive for each in _sounds(starts)):
+        return (
+            "The keypoints of the views agree at their own times, but not at the times by the sound; the sound is not "
+            "used. Do the videos contain the original sound?"
+        )
+    kind = next(each.source for each in starts if each.is_decisive)
+    return f"The keypoints of the views agree at their own times, but not at those by the {kind}, which is not used."
+
+
+def _tag_contradictions(starts: Sequence[ClockEvidence]) -> tuple[str, ...]:
+    """Return the views whose tags differ from their sound, and why tags are not used."""
+    tags = [each for each in starts if each.source in ("timecode", "creation time")]
+    heard = {each.view: each.offset_s for each in _sounds(starts) if each.is_decisive}
+    unused = dict.fromkeys(each.reason for each in tags if not each.is_decisive)
+    return (
+        *unused,
+        *(
+            f"The {each.source} of {each.view} is {abs(each.offset_s - heard[each.view]):.0f} s "
+            f"{'later' if each.offset_s > heard[each.view] else 'earlier'} than its sound shows. The sound is used."
+            for each in tags
+            if each.view in heard and _differs(each.offset_s - heard[each.view], each.sd_s)
+        ),
+    )
+
+
 def _timestamp_contradictions(views: _Views, timestamps: str | None) -> tuple[str, ...]:
     """Return the views whose sound shows another offset than their timestamps; offsets count from the common one."""
-    sound = [each for each in views.sound if each.is_decisive]
+    sound = [each for each in _sounds(views.sound) if each.is_decisive]
     if timestamps is None or len(sound) < 2:
         return ()
     common_s = float(np.median([each.offset_s for each in sound]))
@@ -298,7 +350,7 @@ def _differs(difference_s: float, sd_s: float) -> bool:
 
 def _refined(starts: SyncOptions, sound: Sequence[ClockEvidence], timings: Sequence[ViewTiming]) -> SyncOptions:
     """Return the start times with what the keypoints show in addition, weighted by the standard deviations."""
-    sds = {each.view: each.sd_s for each in sound}
+    sds = {view: each.sd_s for view, each in _decisive(sound).items()}
     offsets = list(starts.offset_s)
     for row, camera in enumerate(starts.cameras):
         timing = next((each for each in timings if each.camera == camera), None)

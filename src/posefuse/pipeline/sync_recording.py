@@ -1,6 +1,6 @@
 """Synchronize the views of a recording's folder."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
@@ -12,8 +12,10 @@ from posefuse.io.recording import find_recording
 from posefuse.io.videos.find import find_videos, videos_of_views
 from posefuse.io.videos_only import videos_only
 from posefuse.model.cameras import CameraRig
+from posefuse.model.clock_evidence import ClockEvidence
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
+from posefuse.pipeline.start_tag_evidence import start_tag_evidence
 from posefuse.pipeline.sync_evidence import Synchronization, sound_evidence, synchronize
 from posefuse.progress import Progress, Silent
 
@@ -61,10 +63,13 @@ def sync_recording(
     if request.evidence != "keypoints" and videos:
         known = request.reference if request.reference in videos else None
         sound = sound_evidence(videos, reference=known, progress=progress)
+        if request.evidence == "all":
+            sound = (*start_tag_evidence(videos, sound), *sound)
         if request.reference is not None and known is None and rig is None:
             raise MatchError(f"`reference`: there is no view {request.reference!r}. The views are {choices(videos)}.")
-    if rig is None and not any(each.is_decisive for each in sound):
-        why = _why(videos, [each.reason for each in sound])
+    if rig is None and not any(each.is_decisive and each.source == "sound" for each in sound):
+        why = _why(videos, [each.reason for each in sound if each.source == "sound" or not each.is_decisive])
+        why += _by_tags(sound)
         advice = (videos_only(folder) or "") if detections is None else ""
         raise DetectionsError(f"Nothing shows the time offsets of the views. {why} {advice}".rstrip())
     found = synchronize(
@@ -87,6 +92,15 @@ def _why(videos: Mapping[str, Path], reasons: list[str]) -> str:
     if len(videos) == 1:
         return "There is one video; two or more are compared."
     return " ".join(dict.fromkeys(reasons))
+
+
+def _by_tags(evidence: Sequence[ClockEvidence]) -> str:
+    """Return what the tags of the videos show, which is too coarse alone."""
+    tags = [each for each in evidence if each.is_decisive and each.source != "sound"]
+    if not tags:
+        return ""
+    starts = ", ".join(f"{each.view} {each.offset_s:+.1f} s" for each in tags)
+    return f" The {tags[0].source}s of the videos show their starts to about a second: {starts}; keypoints are needed."
 
 
 def _keypoint_inputs(

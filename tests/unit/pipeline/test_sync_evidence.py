@@ -57,6 +57,41 @@ def test_sound_finds_the_start_and_keypoints_confirm_it(phones):
     assert keypoints == pytest.approx({f"cam_{v}": late for v, late in enumerate(LATE_S)}, abs=0.02)
 
 
+def tagged(*offsets_s: float) -> tuple[ClockEvidence, ...]:
+    return tuple(
+        ClockEvidence(f"cam_{v}", "creation time", offset, 1.0, 0.0, "tag") for v, offset in enumerate(offsets_s)
+    )
+
+
+def test_tags_bring_views_near_and_keypoints_measure_the_rest(phones):
+    tags = tagged(0.0, 4.0, 0.0, 6.0)
+    found = synchronize(*phones, tags, ONE)
+    assert found.contradictions == ()
+    assert offsets_of(found.sync) == pytest.approx({"cam_1": 3.21, "cam_3": 5.94}, abs=0.02)
+    assert sum(each.source == "creation time" for each in found.evidence) == 4
+
+
+def test_sound_is_preferred_to_tags(phones):
+    found = synchronize(*phones, (*tagged(0.0, 30.0, 0.0, 6.0), *heard(0.0, 3.205, 0.0, np.nan)), ONE)
+    assert offsets_of(found.sync) == pytest.approx({"cam_1": 3.21, "cam_3": 5.94}, abs=0.02)
+    (sentence,) = found.contradictions
+    assert sentence == "The creation time of cam_1 is 27 s later than its sound shows. The sound is used."
+
+
+def test_tags_that_keypoints_contradict_are_not_used(synchronized):
+    for wrong_s in (8.0, -5.0):
+        found = synchronize(*synchronized, tagged(0.0, wrong_s, 0.0, 0.0), ONE)
+        assert found.sync.does_nothing
+        assert "not at those by the creation time, which is not used" in found.contradictions[0]
+
+
+def test_wrong_tags_of_views_that_did_not_start_together(walk):
+    late = replace(walk, late_s=walk.late_s + np.array((0.0, 1.2, 0.0, 0.0)))
+    found = synchronize(*late.watch(), tagged(0.0, 7.0, 0.0, 0.0), ONE)
+    assert offsets_of(found.sync) == pytest.approx({"cam_1": 1.2}, abs=0.02)
+    assert "which is not used" in found.contradictions[0]
+
+
 @pytest.mark.long
 def test_keypoints_correct_what_sound_missed(phones):
     """The sound of one camera starts 200 ms before its images without saying so."""

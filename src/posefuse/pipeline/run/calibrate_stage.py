@@ -1,7 +1,9 @@
 """Calibrate the cameras of a run, by a board or by the people in its videos."""
 
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +12,7 @@ from posefuse.calibration.boards.summary import summarize_board
 from posefuse.calibration.outcome import Refinement
 from posefuse.calibration.people.result import PeopleCalibration
 from posefuse.calibration.people.summary import summarize_people
-from posefuse.errors import CalibrationError
+from posefuse.errors import CalibrationError, DetectionsError
 from posefuse.io.calibration import anipose
 from posefuse.io.calibration.read import read_cameras
 from posefuse.io.files import replacing
@@ -105,7 +107,7 @@ def calibrate_board(plan: RunPlan, lenses: Path | None, output: Path, progress: 
 def calibrate_people(
     plan: RunPlan,
     detections: Detections,
-    starts: SyncOptions,
+    starts: Sequence[SyncOptions],
     lenses: Path | None,
     output: Path,
     progress: Progress,
@@ -115,7 +117,7 @@ def calibrate_people(
     Args:
         plan: the plan.
         detections: keypoints of the people.
-        starts: start times of the views that are known from their sound.
+        starts: start times of the views, each tried if the people do not determine the cameras with those before.
         lenses: calibration file with known lenses, or None.
         output: calibration file to write.
         progress: receives the progress.
@@ -131,14 +133,19 @@ def calibrate_people(
         view_rates_hz=run.by_people.view_rates_hz or plan.options.view_rates_hz,
         image_size=run.by_people.image_size or plan.options.image_size,
     )
-    shifted = with_start_times(detections, starts)
     sizes = {name: view.size_px for name, view in plan.images_of(detections.view_names).items()}
     widest_s = min(run.max_offset_s, _OVERLAP * shortest_s(plan.views))
 
-    def calibrate(chosen: PeopleOptions) -> PeopleCalibration:
+    def calibrate(start: SyncOptions, chosen: PeopleOptions) -> PeopleCalibration:
+        shifted = with_start_times(detections, start)
         return calibrate_by_people(shifted, intrinsics=lenses, image_sizes=sizes, options=chosen, progress=progress)
 
-    result = _with_widening_offsets(calibrate, options, widest_s)
+    for start in starts[:-1]:
+        with contextlib.suppress(CalibrationError, DetectionsError):
+            result = _with_widening_offsets(partial(calibrate, start), options, widest_s)
+            break
+    else:
+        result = _with_widening_offsets(partial(calibrate, starts[-1]), options, widest_s)
     calibrated = Calibrated(summarize_people(result), result.left_out)
     _write(calibrated, result.rig, output, "the people")
     return calibrated

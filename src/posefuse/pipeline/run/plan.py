@@ -311,7 +311,7 @@ class _Planner:
             self.run = replace(run, synchronize="off")
             return PlannedStage("synchronize", "nothing to do: the times of the views are used as they are")
         sources = [f"timestamps ({run.timestamps})"] if run.timestamps else []
-        sources += ["sound"] if self.views and self.views[0].is_video else []
+        sources += ["sound", "start tags"] if self.views and self.views[0].is_video else []
         return PlannedStage("synchronize", f"by {choices([*sources, 'keypoints'])}", SYNC)
 
 

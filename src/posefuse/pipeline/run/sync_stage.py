@@ -13,6 +13,7 @@ from posefuse.model.detections import Detections
 from posefuse.model.options.sync import SyncOptions
 from posefuse.pipeline.run.plan import RunPlan
 from posefuse.pipeline.run.view_facts import shortest_s
+from posefuse.pipeline.start_tag_evidence import start_tag_evidence
 from posefuse.pipeline.sync_evidence import Synchronization, sound_evidence, start_times, synchronize
 from posefuse.progress import Progress
 
@@ -35,7 +36,7 @@ class Synchronized:
 
 
 def hear(plan: RunPlan, names: Sequence[str], progress: Progress) -> tuple[ClockEvidence, ...]:
-    """Return what the sound of the videos shows.
+    """Return what the sound of the videos, and the tags of their start, show.
 
     Args:
         plan: the plan.
@@ -46,12 +47,16 @@ def hear(plan: RunPlan, names: Sequence[str], progress: Progress) -> tuple[Clock
     videos = {name: plan.path(files[view.name]) for name, view in views.items() if view.is_video}
     if plan.choices.synchronize != "auto" or len(videos) < 2:
         return ()
-    return sound_evidence(videos, progress=progress)
+    sound = sound_evidence(videos, progress=progress)
+    return (*start_tag_evidence(videos, sound), *sound)
 
 
-def known_starts(plan: RunPlan, sound: tuple[ClockEvidence, ...]) -> SyncOptions:
-    """Return the start times of the views before the cameras are calibrated."""
-    return SyncOptions() if plan.choices.timestamps is not None else start_times(sound)
+def known_starts(plan: RunPlan, sound: tuple[ClockEvidence, ...]) -> tuple[SyncOptions, ...]:
+    """Return the start times of the views before the cameras are calibrated: by all evidence, then by sound alone."""
+    if plan.choices.timestamps is not None:
+        return (SyncOptions(),)
+    found = (start_times(sound), start_times(tuple(each for each in sound if each.source == "sound")))
+    return tuple(dict.fromkeys(found))
 
 
 def measure(

@@ -47,7 +47,7 @@ def test_videos_alone_are_calibrated_by_people(videos):
     assert stages_of(plan) == {
         "detect": "the given function",
         "calibrate": "by the people",
-        "synchronize": "by sound, keypoints",
+        "synchronize": "by sound, start tags, keypoints",
         "reconstruct": "all people",
         "report": "with the videos",
     }
