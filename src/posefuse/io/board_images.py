@@ -9,8 +9,9 @@ import numpy as np
 
 from posefuse.errors import FileError, RecordingError
 from posefuse.io.files import must_exist, natural_key
+from posefuse.io.videos.frame_index import read_frame_index
 from posefuse.io.videos.library import import_pyav
-from posefuse.io.videos.reader import VIDEO_ENDINGS, image_times_s, open_video
+from posefuse.io.videos.reader import VIDEO_ENDINGS, open_video
 
 PICTURE_ENDINGS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp")
 _MAX_DEPTH = 3
@@ -178,7 +179,7 @@ def image_count(view: ViewImages) -> int:
     Raises:
         FileError: if a video cannot be read.
     """
-    return len(image_times_s(view.files[0])) if view.is_video else len(view.files)
+    return read_frame_index(view.files[0]).n_images if view.is_video else len(view.files)
 
 
 def _first_image(file: Path) -> np.ndarray:

@@ -128,9 +128,7 @@ def _picture(
     if source.reader is None:
         rgb = np.full((*source.size_px[::-1], 3), BACKGROUND, dtype=np.uint8)
     else:
-        # A reader that has been used counts its images from where it stopped.
-        fresh = replace(source, reader=open_video(source.reader.info.path))
-        image = VideoCursor(fresh, frame_times, time_s).at(time_s)
+        image = VideoCursor(source, frame_times, time_s).at(time_s)
         if image is None:
             return None
         rgb = image.rgb.copy()

@@ -30,7 +30,7 @@ from posefuse.io.board_images import ImageReader, ViewImages, image_count
 from posefuse.io.cache import read_cached, write_cached
 from posefuse.io.checkpoints import digest_of
 from posefuse.io.open_recording import digest_path
-from posefuse.io.videos.reader import image_times_s
+from posefuse.io.videos.frame_index import read_frame_index
 from posefuse.model.board import Board
 from posefuse.pipeline.wrong_board import explain_missing_board, require_stated_board
 from posefuse.progress import Progress, Silent
@@ -102,7 +102,7 @@ def detect_board(
         if not any(view.n_found for view in quick):
             raise CalibrationError(explain_missing_board(views, board))
         starts_s = choose_periods([QuickLook(view.time_s, view.corners_px, view.size_px) for view in quick])
-        wanted = [numbers_in_periods(image_times_s(view.files[0]), starts_s) for view in views]
+        wanted = [numbers_in_periods(read_frame_index(view.files[0]).time_s, starts_s) for view in views]
         found = run(views, wanted, name="detecting the board")
     if not any(view.n_found for view in found):
         raise CalibrationError(explain_missing_board(views, board))

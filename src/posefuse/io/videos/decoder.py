@@ -98,7 +98,7 @@ class VideoDecoder:
         """Yield number and frame, in ascending order; packets that cannot be decoded are left out."""
         last = -1
         for counted, frame in enumerate(self._all_frames()):
-            number = self._number_of(frame, counted)
+            number = self._index.number_of(frame.pts, counted)
             if last < number < self._index.n_images:
                 last = number
                 yield number, frame
@@ -115,16 +115,6 @@ class VideoDecoder:
                 return
             except (av.error.FFmpegError, EOFError):
                 continue  # the packet is damaged; the next ones may not be
-
-    def _number_of(self, frame: Any, counted: int) -> int:
-        """Return the number of a decoded image, that of the nearest time; -1 before the first image."""
-        if not self._index.seekable:
-            return counted
-        ticks = self._index.ticks
-        if frame.pts is None or frame.pts < ticks[0]:
-            return -1
-        above = min(int(np.searchsorted(ticks, frame.pts)), len(ticks) - 1)
-        return above if above == 0 or ticks[above] - frame.pts <= frame.pts - ticks[above - 1] else above - 1
 
     def _image(self, number: int, frame: Any) -> np.ndarray:
         rgb = upright(frame)

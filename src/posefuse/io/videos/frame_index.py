@@ -1,6 +1,7 @@
 """The images of a video by number: true times, and where decoding can start, read from its packets."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -8,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from posefuse.errors import FileError
+from posefuse.io.videos.info import VideoInfo, read_video_info
 from posefuse.io.videos.library import import_pyav
-from posefuse.io.videos.reader import VideoInfo, open_video
 
 _CHECKED_IMAGES = 12
 _WITHOUT_INDEX = ("mpeg",)
@@ -49,14 +50,42 @@ class FrameIndex:
         steps = np.diff(self.time_s)
         return float(1.0 / np.median(steps)) if len(steps) else None
 
+    def number_at(self, time_s: float) -> int:
+        """Return the number of the last image at or before a time, that of the first image if there is none."""
+        return max(int(np.searchsorted(self.time_s, time_s, side="right")) - 1, 0)
+
+    def number_of(self, tick: int | None, counted: int) -> int:
+        """Return the number of a decoded image, that of the nearest time; -1 before the first image.
+
+        Args:
+            tick: its presentation time.
+            counted: number of images that were decoded before it, which is its number in a video that is not seekable.
+        """
+        if not self.seekable:
+            return counted
+        ticks = self.ticks
+        if tick is None or tick < ticks[0]:
+            return -1
+        above = min(int(np.searchsorted(ticks, tick)), len(ticks) - 1)
+        return above if above == 0 or ticks[above] - tick <= tick - ticks[above - 1] else above - 1
+
 
 def read_frame_index(path: Path) -> FrameIndex:
     """Return the index of a video's images. Only the first images are decoded.
 
     Raises:
-        FileError: if the file cannot be read as a video, or contains no image that can be decoded.
+        FileError: if there is no such file, it cannot be read as a video, or contains no image that can be decoded.
     """
-    info = open_video(path).info
+    if not path.is_file():
+        read_video_info(path)
+    stat = path.stat()
+    return _read(path, stat.st_mtime_ns, stat.st_size)
+
+
+@lru_cache(maxsize=64)
+def _read(path: Path, _changed_ns: int, _size: int) -> FrameIndex:
+    """Return the index of a video's images, read once for each content of the file."""
+    info = read_video_info(path)
     packets = _packets(path)
     ticks, keys = packets.ticks, packets.keys
     note = ""

@@ -4,7 +4,8 @@ import tempfile
 from pathlib import Path
 
 from posefuse.errors import FileError
-from posefuse.io.videos.reader import VideoInfo, open_video
+from posefuse.io.videos.info import VideoInfo
+from posefuse.io.videos.reader import open_video
 from posefuse.io.videos.writer import write_video
 
 _PLAYABLE_CODECS = ("h264", "hevc", "av1", "vp9", "vp8")

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from posefuse.io.videos.info import VideoInfo, quarter_turns
 from posefuse.io.videos.library import import_pyav
-from posefuse.io.videos.reader import VideoInfo, quarter_turns, upright
+from posefuse.io.videos.reader import VideoReader, upright
 from posefuse.io.videos.writer import add_h264_stream
 
 LONG_SIDE_PX = 640
@@ -17,7 +18,6 @@ RATE_HZ = 30.0
 _ENCODER = {"crf": "29", "preset": "veryfast", "threads": "2", "g": "15", "bf": "0"}
 """A key frame every 15 images and no image that depends on later ones: seeking decodes few images."""
 _TICKS_HZ = 90_000
-_MIN_SEEK_S = 5.0
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,7 @@ def write_small_copy(
         time_of: returns the time of an image on the clock of the caller, from its number and its time since the first
             image. Images before 0 and from ``duration_s`` on are left out.
         duration_s: duration of the copy.
-        from_s: time in the video from which images are needed; if it is later than a few seconds, images are numbered
-            from the first one read.
+        from_s: time in the video from which images are needed.
 
     Raises:
         FileError: if PyAV or its encoder is missing.
@@ -63,25 +62,21 @@ def write_small_copy(
     n_images, first_s, last_s, error = 0, float("nan"), float("-inf"), ""
     # Half a step of tolerance keeps every image of a video with the highest rate.
     step_s = 0.75 / RATE_HZ
+    reader = VideoReader(info)
     with av.open(str(path), "w", format="mp4", options={"fflags": "+bitexact", "movflags": "+faststart"}) as target:
         stream = add_h264_stream(target, size_px, min(info.rate_hz or RATE_HZ, RATE_HZ), _ENCODER)
         try:
-            with av.open(str(info.path)) as container:
-                video = container.streams.video[0]
-                video.thread_type = "AUTO"
-                if from_s > _MIN_SEEK_S:
-                    container.seek(int((info.first_s + from_s) / video.time_base), stream=video)
-                for number, frame in enumerate(container.decode(video)):
-                    image_s = number / (info.rate_hz or 1.0) if frame.time is None else frame.time - info.first_s
-                    time_s = time_of(number, image_s)
-                    if time_s >= duration_s:
-                        break
-                    if time_s < 0.0 or time_s < last_s + step_s:
-                        continue
-                    first_s = time_s if not n_images else first_s
-                    # The file starts with its first image: players treat a later start differently.
-                    target.mux(stream.encode(_scaled(frame, size_px, time_s - first_s, av)))
-                    n_images, last_s = n_images + 1, time_s
+            for number, image_s, frame in reader.frames(from_s):
+                time_s = time_of(number, image_s)
+                if time_s >= duration_s:
+                    break
+                if time_s < 0.0 or time_s < last_s + step_s:
+                    continue
+                first_s = time_s if not n_images else first_s
+                # The file starts with its first image: players treat a later start differently.
+                target.mux(stream.encode(_scaled(frame, size_px, time_s - first_s, av)))
+                n_images, last_s = n_images + 1, time_s
+            error = reader.error
         except (av.error.FFmpegError, EOFError) as problem:
             error = getattr(problem, "strerror", None) or str(problem)
         if n_images:

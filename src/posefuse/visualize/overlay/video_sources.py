@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from posefuse.errors import MatchError, ResultError, choices
-from posefuse.io.videos.reader import VideoImage, VideoInfo, VideoReader, open_video
+from posefuse.io.videos.info import VideoInfo
+from posefuse.io.videos.reader import VideoImage, VideoReader, open_video
 from posefuse.model.cameras import Camera, CameraRig
 from posefuse.model.options.sync import SyncOptions
 from posefuse.visualize.frame_times import FrameTimes

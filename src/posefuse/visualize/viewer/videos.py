@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+from posefuse.io.videos.frame_index import read_frame_index
 from posefuse.io.videos.mp4 import is_playable, read_content, transcode_to_mp4
-from posefuse.io.videos.reader import image_times_s
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.visualize.frame_times import FrameTimes
 from posefuse.visualize.overlay.options import OverlayOptions
@@ -32,7 +32,7 @@ def load_viewer_videos(
         content = read_content(info.path) if is_playable(info) else transcode_to_mp4(info.path)
         loaded[source.camera.name] = ViewerVideo(
             content,
-            image_times_s(info.path),
+            read_frame_index(info.path).time_s,
             # The viewer has one offset per video; with clock drift, use that of the middle of the result.
             source.synchronized_s(middle_s) - middle_s,
             source.by_number,

@@ -7,9 +7,11 @@ import pytest
 
 from posefuse.errors import FileError
 from posefuse.io.videos import library
+from posefuse.io.videos.frame_index import read_frame_index
 from posefuse.io.videos.mp4 import is_playable, transcode_to_mp4
-from posefuse.io.videos.reader import image_times_s, open_video
+from posefuse.io.videos.reader import open_video
 from posefuse.io.videos.writer import write_video
+from tests.filmed_blobs import bar_place, film
 from tests.videos import coded_video, codes_of, images_of
 
 
@@ -19,7 +21,7 @@ def test_images_and_times_round_trip(tmp_path):
     images = list(reader.images())
     assert codes_of([image.rgb for image in images]) == list(range(9))
     assert [image.time_s for image in images] == pytest.approx(np.arange(9) / 30, abs=1e-4)
-    assert image_times_s(path) == pytest.approx(np.arange(9) / 30, abs=1e-4)
+    assert read_frame_index(path).time_s == pytest.approx(np.arange(9) / 30, abs=1e-4)
     assert (reader.info.size_px, reader.info.n_frames, reader.error) == ((64, 48), 9, "")
     assert reader.info.rate_hz == pytest.approx(30.0, rel=1e-3)
 
@@ -56,6 +58,34 @@ def test_uneven_times_are_preserved_and_odd_sizes_padded(tmp_path):
     images = list(open_video(tmp_path / "a.mp4").images())
     assert [image.time_s for image in images] == pytest.approx(times_s, abs=1e-4)
     assert images[0].rgb.shape == (22, 34, 3)
+
+
+def test_images_have_the_times_of_the_index(tmp_path):
+    """H.264 with B-frames in AVI has times in the order of decoding; the images are in the order of display."""
+    path = film(tmp_path / "a.avi", 200)
+    index = read_frame_index(path)
+    reader = open_video(path)
+    images = list(reader.images(pixel_format="gray"))
+    assert [image.number for image in images] == list(range(200))
+    np.testing.assert_allclose([image.time_s for image in images], index.time_s)
+    np.testing.assert_allclose(index.time_s, np.arange(200) / 25.0, atol=1e-9)
+    assert reader.error == ""
+    for image in images:
+        left, top = bar_place(image.number)
+        assert image.rgb[top + 2, left + 2 : left + 14].min() > 150
+        assert image.rgb[top + 2, left - 2] < 100
+    late = next(iter(open_video(path).images(6.0)))
+    assert (late.number, late.time_s) == (0, 0.0)  # decoding starts at the first image, where no place is reliable
+
+
+def test_images_after_a_late_start_keep_their_numbers(tmp_path):
+    path = film(tmp_path / "a.mp4", np.arange(300) / 25.0)
+    reader = open_video(path)
+    images = list(reader.images(8.0))
+    assert 150 < images[0].number <= 200
+    assert images[-1].number == 299
+    assert [image.time_s for image in images] == pytest.approx([image.number / 25.0 for image in images])
+    assert reader.error == ""
 
 
 def test_late_start_seeks(tmp_path):
@@ -115,7 +145,7 @@ def test_invalid_video_is_an_error(tmp_path):
     with pytest.raises(FileError, match="is a folder"):
         open_video(tmp_path)
     with pytest.raises(FileError, match="cannot be read as a video"):
-        image_times_s(sound)
+        read_frame_index(sound)
 
 
 def test_an_unknown_codec_is_one_sentence(tmp_path):

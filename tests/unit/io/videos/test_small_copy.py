@@ -4,7 +4,8 @@ import av
 import numpy as np
 import pytest
 
-from posefuse.io.videos.reader import image_times_s, open_video
+from posefuse.io.videos.frame_index import read_frame_index
+from posefuse.io.videos.reader import open_video
 from posefuse.io.videos.small_copy import write_small_copy
 from posefuse.io.videos.writer import write_video
 from tests.videos import RATE_HZ, coded_video, codes_of, images_of
@@ -18,13 +19,13 @@ def test_images_outside_the_time_range_are_left_out(tmp_path):
     source = coded_video(tmp_path / "a.mp4", 12)
     copy = copied(source, tmp_path / "b.mp4", -3 / RATE_HZ, 6 / RATE_HZ)
     assert codes_of(images_of(copy.path)) == [3, 4, 5, 6, 7, 8]
-    assert (copy.n_images, copy.first_s, copy.last_s) == (6, 0.0, pytest.approx(5 / RATE_HZ))
+    assert (copy.n_images, copy.first_s, copy.last_s) == (6, pytest.approx(0.0), pytest.approx(5 / RATE_HZ))
 
 
 def test_file_starts_with_the_first_image(tmp_path):
     copy = copied(coded_video(tmp_path / "a.mp4", 5), tmp_path / "b.mp4", 0.07)
     assert copy.first_s == pytest.approx(0.07)
-    assert image_times_s(copy.path) == pytest.approx(np.arange(5) / RATE_HZ)
+    assert read_frame_index(copy.path).time_s == pytest.approx(np.arange(5) / RATE_HZ)
 
 
 def test_fast_and_large_videos_are_thinned(tmp_path):
@@ -39,7 +40,8 @@ def test_variable_times_are_kept(tmp_path):
     with write_video(tmp_path / "a.mp4", (64, 48), 25.0) as writer:
         for time_s in times_s:
             writer.add(np.zeros((48, 64, 3), dtype=np.uint8), time_s)
-    assert image_times_s(copied(tmp_path / "a.mp4", tmp_path / "b.mp4").path) == pytest.approx(times_s, abs=1e-4)
+    copy = copied(tmp_path / "a.mp4", tmp_path / "b.mp4")
+    assert read_frame_index(copy.path).time_s == pytest.approx(times_s, abs=1e-4)
 
 
 def test_every_image_is_within_half_a_second_of_a_key_frame(tmp_path):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from posefuse.io.board_images import ViewImages
 from posefuse.io.videos.frame_index import FrameIndex
-from posefuse.io.videos.reader import VideoInfo
+from posefuse.io.videos.info import VideoInfo
 from posefuse.io.view_images import ImageSource
 from posefuse.model.options.detection import DetectOptions
 from posefuse.pipeline.detection.chunks import CHUNK_IMAGES, Chunk, ChunkQueue, plan_chunks
