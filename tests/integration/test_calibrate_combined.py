@@ -110,3 +110,34 @@ def test_the_command_prints_both_shares(folder, tmp_path, capsys):
     assert "Only people connect 'cam_2'" in text
     assert posefuse.read_cameras(output).covariance() is not None
     assert "one person and the board" in output.with_suffix(".html").read_text("utf-8")
+
+
+def test_board_alone_is_used_where_the_people_do_not_relate_the_cameras(folder, tmp_path):
+    """Two cameras whose people could be explained by a rotation alone, and a board that both see."""
+    place = session_of_two(folder, tmp_path, people(large_rig()).frames(0, 6))
+    found = posefuse.calibrate(place, SPEC, intrinsics=folder / "lenses.toml")
+    assert isinstance(found, posefuse.BoardCalibration)
+    assert "By the board alone" in found.notes[0]
+    assert found.notes[0] in found.rig.notes
+    assert score_calibration(found.rig, large_rig()).worst_rotation_deg < 0.5
+
+
+def test_reconstruct_calibrates_as_calibrate_does(folder, tmp_path):
+    """A folder with a board and people has one calibration, whichever command makes it."""
+    place = session_of_two(folder, tmp_path, people(large_rig()))
+    main(["calibrate", str(place), "--board", SPEC, "--output", str(tmp_path / "calibration.toml")])
+    words = ["--board", SPEC, "--solve", "frame", "--pairs", "labels", "--accept-findings"]
+    main(["reconstruct", str(place), "--output", str(tmp_path / "out"), *words])
+    written = (place / "calibration.toml").read_bytes()
+    assert written == (tmp_path / "calibration.toml").read_bytes()
+    assert b"people" in written
+    assert (place / "calibration.html").read_bytes() == (tmp_path / "calibration.html").read_bytes()
+
+
+def session_of_two(folder, tmp_path, detections):
+    """A folder with the videos of the board, and keypoints of two cameras."""
+    place = tmp_path / "session"
+    place.mkdir()
+    (place / "board").symlink_to(folder / "session" / "board")
+    native.write(detections.views(("cam_0", "cam_1")), place / "keypoints.nc")
+    return place

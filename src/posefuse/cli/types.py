@@ -24,7 +24,7 @@ TimestampsPath = Annotated[
     Path | None,
     Parameter(help="File or folder of frame times; by default those in the recording."),
 ]
-BoardSpec = Annotated[str | None, Parameter(help="Board in the videos that replace a calibration.")]
+BoardSpec = Annotated[str | None, Parameter(help="Board that calibrates, with the people.")]
 EditsPath = Annotated[Path | None, Parameter(help="TOML file of edits to apply; see posefuse edit.")]
 Also = Annotated[
     tuple[str, ...],

@@ -54,9 +54,7 @@ def calibrate_by_board(
     """
     options = options or CalibrateOptions()
     corners = read_corners(images, board, intrinsics, timestamps, options, progress or Silent())
-    result = calibrate_corners(corners, corners.detections.view_names, options)
-    notes = (*corners.notes, *result.notes)
-    return replace(result, rig=_with_notes(result, notes), notes=notes)
+    return with_notes(calibrate_corners(corners, corners.detections.view_names, options), corners.notes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,8 +228,9 @@ def known_lenses(known: CameraRig | None, views: Sequence[ViewCorners]) -> dict[
     return out
 
 
-def _with_notes(result: BoardCalibration, more: tuple[str, ...]) -> CameraRig:
-    """Return the rig with notes on how it was made, without clock or path."""
+def with_notes(result: BoardCalibration, more: tuple[str, ...]) -> BoardCalibration:
+    """Return a calibration with further notes, and in its rig those on how it was made, without clock or path."""
+    all_notes = (*more, *result.notes)
     notes = (
         f"Calibrated by posefuse {version('posefuse')} from {result.n_corners} corners of the board {result.board} in "
         f"{result.n_frames} frames.",
@@ -243,4 +242,4 @@ def _with_notes(result: BoardCalibration, more: tuple[str, ...]) -> CameraRig:
             *notes,
             f"Root mean square error in {result.held_out.n_frames} frames held out: {result.held_out.rms_px:.3f} px.",
         )
-    return replace(result.rig, notes=(*notes, *more))
+    return replace(result, rig=replace(result.rig, notes=(*notes, *all_notes)), notes=all_notes)

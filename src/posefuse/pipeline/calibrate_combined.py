@@ -25,7 +25,7 @@ from posefuse.io.calibration.read import read_cameras
 from posefuse.model.board import Board
 from posefuse.model.cameras import Camera, CameraRig, LensModel
 from posefuse.model.options.calibration import CalibrateOptions, PeopleOptions
-from posefuse.pipeline.calibrate_board import BoardCorners, calibrate_corners, read_corners
+from posefuse.pipeline.calibrate_board import BoardCorners, calibrate_corners, read_corners, with_notes
 from posefuse.pipeline.calibrate_people import PeopleSource, match_people, world_of_people
 from posefuse.pipeline.people_result import people_result
 from posefuse.pipeline.people_world import PeopleWorld, board_world
@@ -57,8 +57,8 @@ def calibrate_combined(
     options: CalibrateOptions,
     people: PeopleOptions,
     progress: Progress,
-) -> PeopleCalibration:
-    """Calibrate cameras by a board and by people.
+) -> BoardCalibration | PeopleCalibration:
+    """Calibrate cameras by a board and by people; by the board alone if it suffices and the people do not.
 
     Args:
         images: folder with the images of the board.
@@ -70,7 +70,7 @@ def calibrate_combined(
         progress: receives the progress.
 
     Raises:
-        CalibrationError: if neither determines the cameras, or both contradict each other.
+        CalibrationError: if they do not determine the cameras, or contradict each other.
         OptionsError: if the scale is given, which is that of the board.
         PosefuseError: if a file cannot be read.
     """
@@ -79,7 +79,13 @@ def calibrate_combined(
     known = intrinsics if isinstance(intrinsics, CameraRig) or intrinsics is None else read_cameras(intrinsics)
     corners = read_corners(images, board, known, None, options, progress)
     by_board = _calibrated(corners, options)
-    matched = match_people(source, _lenses(by_board, known), people, progress)
+    try:
+        matched = match_people(source, _lenses(by_board, known), people, progress)
+    except CalibrationError as error:
+        if len(by_board.groups) > 1:
+            raise
+        note = f"By the board alone, because the people do not relate the cameras: {error}"
+        return with_notes(by_board.calibrations[0], (*corners.notes, note))
     groups = tuple(KnownGroup(rig, _LEAST_SD) for rig in by_board.groups)
     found = estimate_with_known(matched, groups, add_unseen=True)
     if found.placement is None:

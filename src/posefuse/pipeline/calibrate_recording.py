@@ -4,6 +4,8 @@ from pathlib import Path
 
 from posefuse.calibration.assessment import assess
 from posefuse.calibration.boards.summary import summarize_board
+from posefuse.calibration.people.result import PeopleCalibration
+from posefuse.calibration.people.summary import summarize_people
 from posefuse.errors import CalibrationError
 from posefuse.io.board_images import find_board_folder
 from posefuse.io.board_specs import find_board_spec
@@ -11,6 +13,7 @@ from posefuse.io.calibration.anipose import write
 from posefuse.io.files import replacing
 from posefuse.io.open_recording import RecordingInputs
 from posefuse.io.recording import CALIBRATION_FILE, find_recording
+from posefuse.pipeline.calibrate import calibrate
 from posefuse.pipeline.calibrate_board import calibrate_by_board
 from posefuse.pipeline.calibration_report import write_calibration_report
 from posefuse.progress import Progress
@@ -19,8 +22,9 @@ from posefuse.progress import Progress
 def ensure_calibration(folder: Path, inputs: RecordingInputs, progress: Progress | None = None) -> Path | None:
     """Calibrate the cameras of a recording, unless it has a calibration or no images of a known board.
 
-    The calibration and its report are written into the recording, or beside images that are above it, where the other
-    recordings of the session find them, too.
+    Images inside the recording are used together with its people, as :func:`posefuse.calibrate` does for the same
+    folder. Images above it serve all recordings of a session, so they are used alone. The calibration and its report
+    are written into the recording, or beside the images above it, where the other recordings find them, too.
 
     Args:
         folder: folder of the recording.
@@ -45,12 +49,15 @@ def ensure_calibration(folder: Path, inputs: RecordingInputs, progress: Progress
     recording = find_recording(folder)
     if recording.calibrations or not (recording.keypoints or inputs.keypoints):
         return None
-    result = calibrate_by_board(images, board, progress=progress)
-    summary = summarize_board(result)
+    inside = images.parent == folder.resolve()
+    if inside:
+        result = calibrate(folder, board, keypoints=inputs.keypoints, timestamps=inputs.timestamps, progress=progress)
+    else:
+        result = calibrate_by_board(images, board, progress=progress)
+    summary = summarize_people(result) if isinstance(result, PeopleCalibration) else summarize_board(result)
     assessment = assess(summary)
     if assessment.level == "bad":
         raise CalibrationError(f"Calibration from {images}: {assessment.sentence} {assessment.advice[0]}")
-    inside = images.parent == folder.resolve()
     target = (folder if inside else images) / CALIBRATION_FILE
     write_calibration_report(summary, target.with_suffix(".html"))
     with replacing(target) as temporary:
