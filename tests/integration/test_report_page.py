@@ -3,9 +3,11 @@
 import re
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
+from posefuse.pipeline import report_videos
 from posefuse.pipeline.report_videos import write_report
 from posefuse.report.html import render_report
 from tests.people import simulate_walkers, track_perfectly
@@ -223,6 +225,32 @@ def test_video_follows_playback_and_the_selected_camera(filmed):
     assert filmed.locator("#film-cameras button").nth(1).get_attribute("aria-pressed") == "true"
     filmed.wait_for_function("video.readyState >= 2")
     filmed.select_option("#view", "-1")
+
+
+def test_linked_videos_play_from_the_folder_beside_the_page(browser, tmp_path, monkeypatch):
+    monkeypatch.setattr(report_videos, "EMBEDDED_BYTES", 100)
+    videos = {f"cam{i}": coded_video(tmp_path / f"cam{i}.mp4") for i in range(2)}
+    path, *linked = write_report(moving_sticks(), tmp_path / "page" / "report.html", videos=videos)
+    assert len(linked) == 2
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    problems: list[str] = []
+    page.on("console", lambda message: problems.append(message.text) if message.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.goto(path.as_uri())
+    page.wait_for_function("video.readyState >= 2", timeout=10_000)
+    assert page.evaluate("video.currentSrc") == linked[0].as_uri()
+    page.click("#play")
+    page.wait_for_function("!video.paused && video.currentTime > 0.1", timeout=10_000)
+    page.click("#play")
+    page.wait_for_function("video.paused && !video.seeking", timeout=10_000)
+    page.wait_for_timeout(100)
+    # A page without a server may not read the pixels of a video, but its picture can be taken.
+    picture = cv2.imdecode(np.frombuffer(page.locator("#video").screenshot(), np.uint8), cv2.IMREAD_GRAYSCALE)
+    assert picture is not None
+    shown = round((float(picture[picture.shape[0] // 20, picture.shape[1] // 2]) - 20) / 10)
+    assert shown == frame_of(page)
+    assert problems == []
+    page.close()
 
 
 def test_videos_fit_a_phone(filmed):
