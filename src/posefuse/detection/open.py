@@ -41,15 +41,22 @@ class DefaultDetector:
     reason: str
 
 
-def default_detector(*, weights_given: bool = False) -> DefaultDetector:
+def default_detector(*, weights_given: bool = False, python_given: bool = False) -> DefaultDetector:
     """Return the best installed detector whose weights are on this computer, or else the best installed one.
 
     Args:
         weights_given: whether files of weights are given, which leaves the detectors that take them.
+        python_given: whether an interpreter is given, which no default fits.
 
     Raises:
-        DetectorError: if none is installed; the message has the commands that install one.
+        DetectorError: if an interpreter is given, or no detector is installed; the message has the commands that
+            install one.
     """
+    if python_given:
+        raise DetectorError(
+            "`detector_python` needs `detector`: a worker file (.py) that uses this Python, or mediapipe or rtmpose if "
+            "their packages are installed in it."
+        )
     general = [record for record in detectors() if record.models[0].skeleton]
     general = [record for record in general if record.takes_weights or not weights_given]
     installed = [record for record in general if environment_of(record).state == "installed"]
@@ -89,7 +96,7 @@ def open_detector(
         python: interpreter that has the detector's packages; by default that of the installed environment, and this
             one for a worker file.
         device: device of a model that can run on several.
-        weights: files of weights, by default the detector's own.
+        weights: files of weights, by default the detector's own; a worker file may take folders.
         threads: number of threads of a worker.
 
     Raises:
@@ -97,9 +104,9 @@ def open_detector(
             a skeleton.
     """
     if isinstance(detector, str | Path):
-        settings = WorkerSettings(
-            device=device, threads=threads, weights=tuple(str(_existing(each)) for each in weights)
-        )
+        own = str(detector).endswith(".py")
+        files = [_existing(each, folders=own) for each in weights]
+        settings = WorkerSettings(device=device, threads=threads, weights=tuple(map(str, files)))
         return _open_worker(str(detector), python, settings)
     if isinstance(detector, Detector):
         return detector
@@ -147,8 +154,8 @@ def _interpreter(python: Path) -> Path:
     return found
 
 
-def _existing(path: Path) -> Path:
-    if not path.is_file():
+def _existing(path: Path, *, folders: bool = False) -> Path:
+    if not (path.is_file() or (folders and path.is_dir())):
         siblings = sorted(each.name for each in path.parent.glob(f"*{path.suffix}")) if path.parent.is_dir() else []
         raise DetectorError(f"There is no file {path}. In its folder: {choices(siblings)}.")
     return path.absolute()

@@ -126,12 +126,12 @@ class Given:
 
     def opener(self, options: DetectOptions, progress: Progress) -> tuple[AnyDetector, Callable[[], Detector]]:
         """Return what is opened, and a function that opens it; the default detector is noted."""
+        python = None if options.detector_python is None else Path(options.detector_python)
         chosen = self.detector if self.detector is not None else options.detector
         if chosen is None:
-            best = default_detector(weights_given=bool(options.weights))
+            best = default_detector(weights_given=bool(options.weights), python_given=python is not None)
             progress.note(f"Detector: {best.name}, {best.reason}.")
             chosen = best.name
-        python = None if options.detector_python is None else Path(options.detector_python)
         weights = [Path(file) for file in options.weights]
         return chosen, partial(
             open_detector, chosen, skeleton=self.skeleton, python=python, device=options.device, weights=weights

@@ -120,6 +120,8 @@ def test_the_default_detector_can_run_now(tmp_path, monkeypatch):
         "because the weights of rtmpose are not on this computer; `detector='rtmpose'` downloads them"
     )
     assert default_detector(weights_given=True).name == "rtmpose"
+    with pytest.raises(DetectorError, match="`detector_python` needs `detector`"):
+        default_detector(python_given=True)
     installed.remove("mediapipe")
     assert default_detector() == opening.DefaultDetector(
         "rtmpose", "the only one installed; it downloads its weights now"
@@ -136,3 +138,35 @@ def test_weights_for_a_detector_that_contains_them_are_refused(tmp_path):
     (tmp_path / "a.onnx").touch()
     with pytest.raises(DetectorError, match="mediapipe takes no `weights`"):
         open_detector("mediapipe", weights=(tmp_path / "a.onnx",))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("import numpy", "own.py has no class Detector"),
+        ("class Detector:\n    skeleton = 'coco_17'\n    def __init__(self, s): pass", "own.py has no detect"),
+        ("class Detector:\n    detect = None\n    def __init__(self, s): pass", "own.py has no skeleton"),
+        ("class Detector", r"SyntaxError: \S.* \(own.py, line 1\)\.$"),
+        ("import mmpose", r"No module named 'mmpose' \(own.py, line 1\)\.$"),
+    ],
+)
+def test_a_worker_file_that_does_not_fit_the_protocol_is_one_sentence(tmp_path, text, message):
+    with pytest.raises(DetectorError, match=message):
+        open_detector(worker_file(tmp_path, text))
+
+
+def test_a_worker_file_may_take_folders_of_weights_and_must_return_numbers(tmp_path):
+    text = """
+class Detector:
+    skeleton = ["a", "b"]
+    def __init__(self, settings):
+        self.version = settings["weights"][0]
+    def detect(self, images):
+        return [{"keypoints": 1} for _ in images]
+"""
+    (tmp_path / "model").mkdir()
+    detector = open_detector(worker_file(tmp_path, text), weights=(tmp_path / "model",))
+    assert detector.version.startswith(str(tmp_path / "model"))
+    with pytest.raises(DetectorError, match=r"returned dict .* Expected x, y and confidence, shape \(person, keypoint"):
+        detector.detect(IMAGES)
+    detector.close()

@@ -67,7 +67,7 @@ def test_images_of_another_form_are_refused(tmp_path):
         ("shape", r"returned an array of shape \(1, 5, 3\) for an image\. Expected .*\(person, 2, 3\)"),
         ("count", r"failed: ValueError: detect returned 0 results for 1 images"),
         ("infinite", r"returned an infinite number"),
-        ("text", r"failed: ValueError: could not convert"),
+        ("text", r"failed: detect returned str for an image"),
     ],
 )
 def test_a_failure_is_one_sentence_and_the_worker_can_start_again(tmp_path, how, message):

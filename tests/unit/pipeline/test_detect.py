@@ -6,6 +6,7 @@ import signal
 import struct
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from posefuse.pipeline.detect import Given, detect, detect_videos
 from posefuse.pipeline.detection import chunks
 from tests.conftest import ROOT
 from tests.filmed_blobs import BAR, bar_place, film, find_bars, lefts_of
+from tests.workers import BRIGHTNESS, worker_file
 
 FILES = ("keypoints.parquet", "detection.json")
 
@@ -163,6 +165,51 @@ def test_killed_at_random_moments_gives_the_same_bytes(tmp_path):
     for _ in range(5):
         assert run_until(tmp_path, tmp_path / "killed", int(rng.integers(11, 20))) == -signal.SIGKILL
     assert run_until(tmp_path, tmp_path / "killed", -1) == 0
+    assert content_of(tmp_path / "killed") == content_of(tmp_path / "whole")
+
+
+WORKERS = """
+import sys
+from pathlib import Path
+from posefuse.model.options.detection import DetectOptions
+from posefuse.pipeline.detect import detect
+from posefuse.pipeline.detection import chunks
+chunks.CHUNK_IMAGES = 10
+options = DetectOptions(detector=sys.argv[3], device="cpu", jobs=2)
+detect(Path(sys.argv[1]), options=options, output=Path(sys.argv[2]))
+"""
+
+
+def start_workers(videos: Path, output: Path, detector: Path) -> "subprocess.Popen[bytes]":
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)])}
+    command = [sys.executable, "-c", WORKERS, str(videos), str(output), str(detector)]
+    return subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL)
+
+
+@pytest.mark.long
+def test_two_workers_killed_at_random_moments_give_the_same_bytes(tmp_path):
+    """The worker's keypoints depend on all images since the last reset, so that a wrong start changes them."""
+    videos = tmp_path / "videos"
+    videos.mkdir()
+    for name in ("a", "b"):
+        film(videos / f"{name}.mp4", 80, people=2, gop=12 if name == "a" else 100)
+    detector = worker_file(
+        tmp_path, BRIGHTNESS.replace("        for image in", "        time.sleep(0.1)\n        for image in")
+    )
+    detector.write_text("import time\n" + detector.read_text())
+    assert start_workers(videos, tmp_path / "whole", detector).wait(timeout=120) == 0
+    rng = np.random.default_rng(4)
+    parts, killed = tmp_path / "killed" / ".parts", 0
+    for _ in range(5):
+        before, process = len(list(parts.glob("*"))), start_workers(videos, tmp_path / "killed", detector)
+        while process.poll() is None and len(list(parts.glob("*"))) <= before:
+            time.sleep(0.005)
+        time.sleep(rng.uniform(0.0, 0.2))
+        process.kill()
+        killed += process.wait(timeout=20) == -signal.SIGKILL
+        assert parts.is_dir()
+    assert killed == 5
+    assert start_workers(videos, tmp_path / "killed", detector).wait(timeout=120) == 0
     assert content_of(tmp_path / "killed") == content_of(tmp_path / "whole")
 
 

@@ -19,6 +19,12 @@ from typing import Any, BinaryIO
 GREETING = b"posefuse-worker 1\n"
 
 
+class WorkerFileError(Exception):
+    """A worker file that does not fit the protocol; the message needs no place in this program."""
+
+    for_users = True
+
+
 class Session:
     """One worker: the detector of its file, and the memory of the images."""
 
@@ -37,7 +43,12 @@ class Session:
             raise ImportError(f"{self.path} is not a Python file")
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
+        if not hasattr(module, "Detector"):
+            raise WorkerFileError(f"{self.path} has no class Detector")
         self.detector = module.Detector(request["settings"])
+        for name in ("skeleton", "detect"):
+            if not hasattr(self.detector, name):
+                raise WorkerFileError(f"the class Detector of {self.path} has no {name}")
         skeleton = self.detector.skeleton
         answer = {
             "skeleton": skeleton if isinstance(skeleton, str) else [str(name) for name in skeleton],
@@ -77,7 +88,14 @@ class Session:
         shapes, payload = [], []
         for result in results:
             rows, boxes = result if isinstance(result, tuple) and len(result) == 2 else (result, None)
-            arrays = [None if each is None else np.ascontiguousarray(each, dtype="<f8") for each in (rows, boxes)]
+            try:
+                arrays = [None if each is None else np.ascontiguousarray(each, dtype="<f8") for each in (rows, boxes)]
+            except (TypeError, ValueError):
+                raise WorkerFileError(
+                    f"detect returned {type(rows).__name__} for an image that is not an array of numbers. Expected x, "
+                    "y and confidence, shape (person, keypoint, 3), or a tuple of this array and boxes, shape "
+                    "(person, 4)"
+                ) from None
             shapes.append([None if each is None else list(each.shape) for each in arrays])
             payload.extend(each.tobytes() for each in arrays if each is not None)
         return {"shapes": shapes}, payload
@@ -85,6 +103,8 @@ class Session:
 
 def place_of(error: BaseException, path: str) -> str:
     """Return the file and line of an exception, in the worker file if it is on the way."""
+    if isinstance(error, SyntaxError):
+        return ""  # Its message states the place.
     stack = traceback.extract_tb(error.__traceback__)
     own = [each for each in stack if each.filename == path] or list(stack)
     return f"{os.path.basename(own[-1].filename)}, line {own[-1].lineno}" if own else ""

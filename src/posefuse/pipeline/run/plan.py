@@ -210,7 +210,10 @@ class _Planner:
         name = self.run.detect.detector
         with self._collected():
             if name is None:
-                best = default_detector(weights_given=bool(self.run.detect.weights))
+                given = self.run.detect
+                best = default_detector(
+                    weights_given=bool(given.weights), python_given=given.detector_python is not None
+                )
                 name = best.name
                 self.notes.append(f"Detector: {name}, {best.reason}.")
                 self.run = replace(self.run, detect=replace(self.run.detect, detector=name))
