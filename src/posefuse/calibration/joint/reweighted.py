@@ -1,4 +1,9 @@
-"""Estimate poses and focal lengths again under a working correlation of the errors over time."""
+"""Estimate poses and focal lengths again under a working correlation of the errors over time.
+
+The equations take errors for less similar than they are. A prior therefore counts as many times more: by the same
+factor in all directions, or, with known poses, in each direction by as much as the equations overstate the
+observations there. The latter is the minimum-variance combination of both (generalized least squares).
+"""
 
 from dataclasses import replace
 
@@ -35,7 +40,7 @@ def reweighted(
         recording: its recording.
         prior: its prior.
         working: correlation by which observations are weighted.
-        known: what is known of the poses in addition; the prior then keeps its weight.
+        known: what is known of the poses in addition.
     """
     rows, parameters = joint.rows, joint.parameters
     n, size = parameters.offset_s.shape[0], parameters.size
@@ -45,12 +50,16 @@ def reweighted(
     curvature = rays.reshape(-1, len(kept)).T @ score_responses(rows).reshape(-1, n * size)[:, kept]
     basis, values, _ = np.linalg.svd(joint.basis[kept], full_matrices=False)
     basis = basis[:, values > 0.5]
-    curvature = 0.5 * (curvature + curvature.T)
     prior = with_known_poses(prior, known).part(kept)
+    scores = score_covariance(rays, rows, joint.law)
+    curvature, scores, precision = (
+        basis.T @ matrix @ basis for matrix in (0.5 * (curvature + curvature.T), scores, prior.precision)
+    )
     if known is None:
-        alike = design_effect(basis, curvature, score_covariance(rays, rows, joint.law))
-        prior = prior.weighted(np.full(len(kept), alike))
-    spread = basis @ np.linalg.inv(basis.T @ (curvature + prior.curvature) @ basis) @ basis.T
+        weight = design_effect(np.eye(len(scores)), curvature, scores) * np.eye(len(scores))
+    else:
+        curvature, weight = overstated(curvature, scores, precision)
+    spread = np.linalg.inv(curvature + weight @ precision)
     calibrated = replace(
         parameters,
         rotation=recording.rotation,
@@ -61,13 +70,35 @@ def reweighted(
     delta = np.zeros(n * size)
     for _ in range(_STEPS):
         score = np.einsum("nvk,nvkp->p", rows.scores, rays)
-        delta[kept] = spread @ (score - prior.pull(difference(calibrated, parameters).ravel()[kept]))
+        away = difference(calibrated, parameters).ravel()[kept] - prior.mean
+        delta[kept] = basis @ (spread @ (basis.T @ score - weight @ (basis.T @ (prior.precision @ away))))
         parameters = parameters.changed(delta.reshape(n, size))
         rows = linearize(recording, rows.frames, parameters, noise_scales(rows), rows.support_m)
     covariance = joint.covariance.copy()
     clocks = np.setdiff1d(np.arange(n * size), kept)
     covariance[np.ix_(kept, clocks)], covariance[np.ix_(clocks, kept)] = 0.0, 0.0
-    covariance[np.ix_(kept, kept)] = spread @ (score_covariance(rays, rows, joint.law) + prior.spread) @ spread
+    spread = basis @ spread
+    covariance[np.ix_(kept, kept)] = spread @ (scores + weight @ precision @ weight.T) @ spread.T
     change = joint.change.ravel().copy()
     change[kept] = (joint.projection @ difference(calibrated, parameters).ravel())[kept]
     return replace(joint, parameters=parameters, change=change.reshape(n, size), covariance=covariance, rows=rows)
+
+
+def overstated(curvature: np.ndarray, scores: np.ndarray, precision: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the curvature without negative values, and by how much it overstates the observations.
+
+    Directions in which the prior is far more certain than the observations keep its weight.
+
+    Args:
+        curvature: shape (free, free).
+        scores: shape (free, free): covariance of the score.
+        precision: shape (free, free): that of the prior.
+    """
+    root = np.linalg.cholesky(precision)
+    lower = np.linalg.inv(root)
+    values, vectors = np.linalg.eigh(lower @ curvature @ lower.T)
+    values = np.maximum(values, 0.0)
+    inner = lower @ scores @ lower.T + np.eye(len(root))
+    weight = root @ inner @ (vectors / (1.0 + values)) @ vectors.T @ lower
+    half = root @ vectors
+    return (half * values) @ half.T, weight

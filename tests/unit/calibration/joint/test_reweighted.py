@@ -1,11 +1,12 @@
 """Weights by a working correlation reduce the errors of poses, and the covariance follows."""
 
 import numpy as np
+import pytest
 from benchmarks.clock_coverage import simulate
 
 from posefuse.calibration.joint.estimate import PRIOR_SD, JointEstimate, estimate
 from posefuse.calibration.joint.prior import Prior
-from posefuse.calibration.joint.reweighted import reweighted
+from posefuse.calibration.joint.reweighted import overstated, reweighted
 
 
 def pose_errors(joint: JointEstimate, truth: np.ndarray) -> np.ndarray:
@@ -29,3 +30,27 @@ def test_poses_of_a_walking_person_are_more_accurate():
         assert np.median(again.sd[:, :3]) < np.median(joint.sd[:, :3])
     assert np.sum(after) < np.sum(before)
     assert 0.6 < np.sqrt(np.mean(np.square(np.concatenate(normalized)))) < 1.5
+
+
+def covariance_matrix(rng: np.random.Generator, size: float) -> np.ndarray:
+    root = rng.standard_normal((6, 12))
+    return size * root @ root.T
+
+
+def test_observations_and_known_poses_are_combined_with_minimum_variance(rng):
+    """The combination of certain observations and a prior has the covariance of generalized least squares."""
+    curvature, scores = covariance_matrix(rng, 1e4), covariance_matrix(rng, 1e6)
+    precision = covariance_matrix(rng, 1e2)
+    curvature, weight = overstated(curvature, scores, precision)
+    spread = np.linalg.inv(curvature + weight @ precision)
+    found = spread @ (scores + weight @ precision @ weight.T) @ spread.T
+    best = np.linalg.inv(curvature @ np.linalg.solve(scores, curvature) + precision)
+    assert found == pytest.approx(best, rel=0.05, abs=0.05 * np.abs(best).max())
+    plain = np.linalg.inv(curvature + precision)
+    assert np.trace(plain @ (scores + precision) @ plain) > 1.1 * np.trace(best)
+
+
+def test_known_poses_keep_their_weight_without_observations(rng):
+    nothing, precision = np.zeros((6, 6)), covariance_matrix(rng, 1.0)
+    _, weight = overstated(nothing, nothing, precision)
+    assert weight == pytest.approx(np.eye(6), abs=1e-9)
