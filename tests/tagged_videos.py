@@ -8,6 +8,7 @@ import numpy as np
 
 def tagged_video(path: Path, *, created: str = "", timecode: str = "", n_frames: int = 50, rate_hz: int = 25) -> Path:
     """Write a small video with a time of creation, a timecode, or none."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     with av.open(str(path), "w") as container:
         if created:
             container.metadata["creation_time"] = created

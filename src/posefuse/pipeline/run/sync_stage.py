@@ -1,10 +1,16 @@
 """Synchronize the views of a run by all evidence at hand."""
 
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
+
 from posefuse.errors import PosefuseError
+from posefuse.io.cache import read_cached, write_cached
+from posefuse.io.checkpoints import digest_of
 from posefuse.io.files import replacing
 from posefuse.io.options import sync_to_toml
 from posefuse.model.cameras import CameraRig
@@ -18,6 +24,7 @@ from posefuse.pipeline.sync_evidence import Synchronization, sound_evidence, sta
 from posefuse.progress import Progress
 
 _OVERLAP = 0.5
+_CACHE = "sound"
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +54,23 @@ def hear(plan: RunPlan, names: Sequence[str], progress: Progress) -> tuple[Clock
     videos = {name: plan.path(files[view.name]) for name, view in views.items() if view.is_video}
     if plan.choices.synchronize != "auto" or len(videos) < 2:
         return ()
-    sound = sound_evidence(videos, progress=progress)
+    digests = plan.choices.inputs.digests
+    known = {name: digests.get(files[views[name].name]) for name in videos}
+    key = None if None in known.values() else digest_of({"videos": known, "posefuse": version("posefuse")})
+    sound = _cached(key)
+    if sound is None:
+        sound = sound_evidence(videos, progress=progress)
+        if key is not None:
+            write_cached(_CACHE, key, {"evidence": np.array(json.dumps([asdict(each) for each in sound]))})
     return (*start_tag_evidence(videos, sound), *sound)
+
+
+def _cached(key: str | None) -> tuple[ClockEvidence, ...] | None:
+    """Return what the sound of videos showed before, so that an interrupted run does not listen to it twice."""
+    cached = None if key is None else read_cached(_CACHE, key, ("evidence",))
+    if cached is None:
+        return None
+    return tuple(ClockEvidence(**values) for values in json.loads(str(cached["evidence"])))
 
 
 def known_starts(plan: RunPlan, sound: tuple[ClockEvidence, ...]) -> tuple[SyncOptions, ...]:
