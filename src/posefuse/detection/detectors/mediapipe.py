@@ -7,7 +7,7 @@ DETECTOR = DetectorRecord(
     help="One person, or several; fast on a CPU, needs no download of weights.",
     models=(
         DetectorModel("pose", "mediapipe_33", "33 keypoints of the body"),
-        DetectorModel("people", "mediapipe_33", "several people, in seven times the time"),
+        DetectorModel("people", "mediapipe_33", "several people, in eight times the time"),
         DetectorModel("holistic", "mediapipe_holistic_543", "body, hands and the mesh of the face"),
     ),
     requirements=Requirements(("mediapipe.txt",), (9, 12), 300, 110),

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from posefuse.detection.open import open_detector
-from posefuse.detection.workers.mediapipe_people import different_people, parts_of, share_cut, shared_area
+from posefuse.detection.workers.mediapipe_people import (
+    different_people,
+    parts_of,
+    share_cut,
+    shared_area,
+    small_parts_of,
+    square_around,
+)
 from posefuse.io.videos.reader import open_video
 from tests.installed import installed_home
 
@@ -70,8 +77,42 @@ def test_three_people_are_found_where_one_at_a_time_is(shared_data, monkeypatch)
     several.close()
     np.testing.assert_array_equal(found[0].keypoints_px, again[0].keypoints_px)
     for i, image in enumerate(found):
-        assert len(image) == 3
+        # A bystander is in the background of the second view.
+        assert len(image) == 4
         for v in range(3):
             alone = expected[v][i].keypoints_px[0] + [540 * v, 0]
             errors = np.median(np.hypot(*np.moveaxis(image.keypoints_px - alone, 2, 0)), axis=1)
             assert errors.min() < 0.03 * np.ptp(alone[:, 1])
+
+
+@pytest.mark.parametrize("size", [(1080, 1920), (500, 500), (480, 640)])
+def test_small_parts_cover_the_image_and_squares_lie_in_it(size, rng):
+    height, width = size
+    covered = np.zeros(size, dtype=bool)
+    for left, top, w, h in small_parts_of(height, width):
+        assert w == h == min(size) // 2
+        assert left + w <= width
+        assert top + h <= height
+        covered[top : top + h, left : left + w] = True
+    assert covered.all()
+    for left, top in rng.uniform([-50, -200], [width, height], (20, 2)):
+        x, y, side, _ = square_around(person(left, top), height, width)
+        assert 0 <= x <= width - side
+        assert 0 <= y <= height - side
+
+
+def test_small_people_are_found_and_followed_until_the_next_search(shared_data, monkeypatch):
+    """Two people of 20 % of the image height."""
+    monkeypatch.setenv("POSEFUSE_HOME", str(installed_home("mediapipe")))
+    folder = shared_data("pose2sim_videos") / "videos"
+    picture = np.full((1080, 1920, 3), 120, dtype=np.uint8)
+    pictures = [picture.copy() for _ in range(4)]
+    for name, left, top in (("cam01.mp4", 300, 100), ("cam04.mp4", 1300, 450)):
+        for each, image in zip(pictures, open_video(folder / name).images(), strict=False):
+            small = image.rgb[: 4 * (image.rgb.shape[0] // 4), : 4 * (image.rgb.shape[1] // 4)]
+            small = small.reshape(small.shape[0] // 4, 4, small.shape[1] // 4, 4, 3).mean(axis=(1, 3))
+            each[top : top + small.shape[0], left : left + small.shape[1]] = small.round()
+    several = open_detector("mediapipe:people")
+    found = several.detect(pictures)
+    several.close()
+    assert [len(image) for image in found] == [2] * 4
