@@ -7,12 +7,13 @@ other. The earlier poses of this group are a prior of the new ones.
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from posefuse.calibration.stated_covariance import largest_sd
 from posefuse.model import camera_covariance as names
-from posefuse.model.camera_covariance import CameraCovariance
 from posefuse.model.cameras import Camera, CameraRig, rotation_from_vector, vector_from_rotation
 
+_POSE = (*names.ROTATION, *names.CENTER)
 _PRIOR_SD_RAD = np.radians(0.2)
 _PRIOR_SD_SHARE = 0.005
 """Assumed standard deviations of earlier poses that state none: rotation, and shares of the distance to the others."""
@@ -101,7 +102,7 @@ def _covariance(rig: CameraRig, name: str, default_sd: np.ndarray | None) -> np.
     """Return the covariance of a pose; that of a file without one is assumed, that of a reference camera is 0."""
     known = rig.covariance(name)
     if known is not None:
-        return known.block((*names.ROTATION, *names.CENTER))
+        return known.block(_POSE)
     if default_sd is not None and not rig.covariances:
         return np.diag(default_sd**2)
     return np.zeros((6, 6))
@@ -126,28 +127,47 @@ def _moved(found: Camera, earlier: Camera) -> MovedCamera:
 
 
 def _with_prior(rig: CameraRig, earlier: CameraRig, kept: list[str], reach_m: float) -> CameraRig:
-    """Return the cameras that did not move at the mean of both poses, weighted by their precision."""
-    cameras, covariances = [], []
-    for camera in rig.cameras:
-        own = rig.covariance(camera.name)
-        pose = (*names.ROTATION, *names.CENTER)
-        if own is None or camera.name not in kept or not set(pose) <= set(own.parameters):
-            cameras.append(camera)
-            covariances += [own] if own is not None else []
+    """Return the cameras that did not move at the mean of both poses, weighted by their precision.
+
+    The errors of such a mean are those of both calibrations times its weights, from which the covariance of all
+    cameras follows.
+    """
+    if not rig.covariances:
+        return rig
+    parameters = [(known.camera, name) for known in rig.covariances for name in known.parameters]
+    whole, before = _whole(rig), _earlier_poses(earlier, kept, reach_m)
+    keep, take = np.eye(len(parameters)), np.zeros((len(parameters), 6 * len(kept)))
+    cameras = {camera.name: camera for camera in rig.cameras}
+    for k, name in enumerate(kept):
+        own = rig.covariance(name)
+        if own is None or not set(_POSE) <= set(own.parameters):
             continue
-        new, old = own.block(pose), _covariance(earlier, camera.name, _limits(reach_m))
+        new, old = own.block(_POSE), before[6 * k : 6 * k + 6, 6 * k : 6 * k + 6]
         gain = np.linalg.solve(new + old + np.diag(1e-9 * np.diag(new)), new).T
-        step = gain @ _difference(camera, earlier[camera.name])
-        matrix = own.matrix.copy()
-        at = [own.index(each) for each in pose]
-        combined = new - gain @ new
-        matrix[np.ix_(at, at)] = 0.5 * (combined + combined.T)
-        rest = [i for i in range(len(matrix)) if i not in at]
-        matrix[np.ix_(at, rest)] = (np.eye(6) - gain) @ matrix[np.ix_(at, rest)]
-        matrix[np.ix_(rest, at)] = matrix[np.ix_(at, rest)].T
-        cameras.append(_stepped(camera, step))
-        covariances.append(CameraCovariance(camera.name, own.parameters, matrix, own.reference))
-    return replace(rig, cameras=tuple(cameras), covariances=tuple(covariances), correlation=None)
+        at = [parameters.index((name, each)) for each in _POSE]
+        keep[np.ix_(at, at)] -= gain
+        take[np.ix_(at, range(6 * k, 6 * k + 6))] = gain
+        cameras[name] = _stepped(cameras[name], gain @ _difference(cameras[name], earlier[name]))
+    combined = keep @ whole @ keep.T + take @ before @ take.T
+    covariances, correlation = names.separated(parameters, combined, rig.covariances[0].reference)
+    known = None if rig.correlation is None else correlation
+    return replace(rig, cameras=tuple(cameras.values()), covariances=covariances, correlation=known)
+
+
+def _whole(rig: CameraRig) -> np.ndarray:
+    """Return the covariance of all parameters; without correlations between cameras if the rig does not state them."""
+    joint = rig.covariance()
+    if joint is not None:
+        return joint.matrix
+    return np.asarray(block_diag(*(known.matrix for known in rig.covariances)))
+
+
+def _earlier_poses(earlier: CameraRig, kept: list[str], reach_m: float) -> np.ndarray:
+    """Return the covariance of the earlier poses of some cameras, shape (6 * camera,) twice."""
+    joint = earlier.covariance()
+    if joint is not None:
+        return joint.block([(name, each) for name in kept for each in _POSE])
+    return np.asarray(block_diag(*(_covariance(earlier, name, _limits(reach_m)) for name in kept)))
 
 
 def _stepped(camera: Camera, step: np.ndarray) -> Camera:

@@ -74,3 +74,23 @@ def test_certain_earlier_pose_is_a_prior(truth, new):
     assert distance[0] <= distance[1]
     sds = [np.diag(rig.covariance(name).block((*ROTATION, *CENTER))) for rig in (compared.rig, new)]
     assert np.all(sds[0] < 0.01 * sds[1])
+
+
+def test_covariance_of_all_cameras_is_that_of_the_weighted_means(truth, new):
+    """Camera by camera it is that of the mean; between cameras, it follows from the weights of the new poses."""
+    compared = compare_with_earlier(new, truth)
+    before, after = new.covariance(), compared.rig.covariance()
+    assert before is not None
+    assert after is not None
+    pose = (*ROTATION, *CENTER)
+    # The covariance of the mean of two independent estimates is that of one times the weight of the other.
+    keep = {
+        name: np.linalg.solve(*(joint.block([(name, each) for each in pose]) for joint in (before, after))).T
+        for name in ("cam_1", "cam_2")
+    }
+    pairs = [(name, each) for name in ("cam_1", "cam_2") for each in pose]
+    between = before.block(pairs)[:6, 6:]
+    assert np.abs(between).max() > 0.0
+    found = after.block(pairs)
+    assert found[:6, 6:] == pytest.approx(keep["cam_1"] @ between @ keep["cam_2"].T, rel=1e-3, abs=1e-12)
+    assert np.linalg.eigvalsh(found).min() > -1e-12
