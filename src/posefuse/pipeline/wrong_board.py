@@ -7,7 +7,7 @@ import numpy as np
 from posefuse.detection.boards.detector import MarkersFound, identify_markers
 from posefuse.detection.boards.layout import Layout, find_checkerboard, find_layout
 from posefuse.errors import CalibrationError
-from posefuse.io.board_images import ImageReader, ViewImages, image_count
+from posefuse.io.board_images import ImageReader, ViewImages, gray_image, image_count
 from posefuse.model.board import Board
 
 _N_EXAMPLES = 6
@@ -49,7 +49,7 @@ def require_stated_board(views: Sequence[ViewImages], board: Board, best: Sequen
     for view, number in list(zip(views, best, strict=True))[:_N_CHECKED]:
         if number is None:
             continue
-        image = next((each.gray for each in ImageReader(view).images(lambda n, k=number: n == k)), None)
+        image = gray_image(view, number)
         layout = None if image is None else find_layout(board, image)
         if layout is not None:
             raise CalibrationError(f"The board {board} does not fit the images. {_size(layout, board)}")
