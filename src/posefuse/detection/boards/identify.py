@@ -20,8 +20,8 @@ _MOST_MARKERS = 100
 _MIN_MARKERS = 5
 _LARGEST_PX = 1280
 _CORNERS_PX = 960
-_MIN_CORNERS, _SMALLEST_SIDE = 12, 3
-"""Fewest inner corners of a checkerboard: smaller patterns are found on tiled floors."""
+_SEARCHED_SIDE, _SMALLEST_SIDE, _MIN_CORNERS = 3, 4, 20
+"""Fewest inner corners of a checkerboard: 4 x 3 of them were found on a tiled floor."""
 _MOST_FITTED = 3
 _MARKERS = (0.5, 0.6, 0.7, 0.75, 0.8, 0.9)
 _GAPS = (0.1, 0.2, 0.3, 0.5, 1.0)
@@ -175,8 +175,8 @@ def _identify_checkerboard(images: Sequence[np.ndarray]) -> IdentifiedBoard | No
     flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_NORMALIZE_IMAGE
     sizes: Counter[tuple[int, int]] = Counter()
     for image in images:
-        found, _, pattern = cv2.findChessboardCornersSBWithMeta(image, (_SMALLEST_SIDE, _SMALLEST_SIDE), flags)
-        if found and pattern is not None and pattern.size >= _MIN_CORNERS:
+        found, _, pattern = cv2.findChessboardCornersSBWithMeta(image, (_SEARCHED_SIDE, _SEARCHED_SIDE), flags)
+        if found and pattern.size >= _MIN_CORNERS and min(pattern.shape) >= _SMALLEST_SIDE:
             short, long = sorted(pattern.shape)
             sizes[short, long] += 1
     if not sizes:
