@@ -17,7 +17,7 @@ from posefuse.calibration.joint.noise_law import NoiseLaw
 from posefuse.calibration.joint.parameters import difference
 from posefuse.calibration.joint.prior import Prior
 from posefuse.calibration.joint.recording import JointRecording
-from posefuse.calibration.joint.slow_errors import WORKING_LAW, correlated_influences
+from posefuse.calibration.joint.slow_errors import correlated_influences, working_law
 
 _STEPS = 6
 _CLOCK = (6, 7)
@@ -27,7 +27,7 @@ def reweighted(
     joint: JointEstimate,
     recording: JointRecording,
     prior: Prior,
-    working: NoiseLaw = WORKING_LAW,
+    working: NoiseLaw | None = None,
     known: KnownPoses | None = None,
 ) -> JointEstimate:
     """Return the estimate with the observations weighted by a working correlation.
@@ -39,12 +39,13 @@ def reweighted(
         joint: estimate with equal weights.
         recording: its recording.
         prior: its prior.
-        working: correlation by which observations are weighted.
+        working: correlation by which observations are weighted; by default, it follows from that of the residuals.
         known: what is known of the poses in addition.
     """
     rows, parameters = joint.rows, joint.parameters
     n, size = parameters.offset_s.shape[0], parameters.size
     kept = np.flatnonzero(~np.isin(np.arange(n * size) % size, _CLOCK))
+    working = working_law(joint.law) if working is None else working
     influence = correlated_influences(rows, recording.runs[rows.frames], working)
     rays = np.ascontiguousarray(influence[..., kept])
     curvature = rays.reshape(-1, len(kept)).T @ score_responses(rows).reshape(-1, n * size)[:, kept]

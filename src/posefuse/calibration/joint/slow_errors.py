@@ -3,7 +3,8 @@
 A part of the error of a keypoint in a view persists for seconds. The movement of a person relative to it therefore
 tells more than the position. As in generalized estimating equations (Liang and Zeger 1986), the observations are
 weighted by a working correlation, and the covariance of the estimate follows from the measured one. The working
-correlation has a smaller slow part than detections: full weight would depend on errors that change with the posture.
+correlation has a smaller slow part than most detections: full weight would depend on errors that change with the
+posture. Where the residuals contain even less of it, its slow part is theirs: the position then counts fully.
 """
 
 from dataclasses import dataclass, replace
@@ -15,11 +16,16 @@ from posefuse.calibration.joint.equations import Rows, influences
 from posefuse.calibration.joint.noise_law import FAST_S, SLOW_S, NoiseLaw
 from posefuse.kernels.calibration.joint import joint_rows
 
-WORKING_LAW = NoiseLaw(0.1)
-"""Working correlation."""
+_LEAST_SLOW, _MOST_SLOW = 1e-3, 0.1
+"""Bounds of the slow share of a working correlation."""
 _PERIOD_S = 1.0
 """Time over which a slow error counts as constant."""
 _SMOOTH_S = 0.3
+
+
+def working_law(measured: NoiseLaw) -> NoiseLaw:
+    """Return the working correlation for residuals with a measured correlation."""
+    return NoiseLaw(min(max(measured.slow, _LEAST_SLOW), _MOST_SLOW))
 
 
 def correlated_influences(rows: Rows, runs: np.ndarray, law: NoiseLaw) -> np.ndarray:

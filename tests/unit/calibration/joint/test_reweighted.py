@@ -1,10 +1,13 @@
 """Weights by a working correlation reduce the errors of poses, and the covariance follows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from benchmarks.clock_coverage import simulate
 
 from posefuse.calibration.joint.estimate import PRIOR_SD, JointEstimate, estimate
+from posefuse.calibration.joint.noise_law import NoiseLaw
 from posefuse.calibration.joint.prior import Prior
 from posefuse.calibration.joint.reweighted import overstated, reweighted
 
@@ -54,3 +57,14 @@ def test_known_poses_keep_their_weight_without_observations(rng):
     nothing, precision = np.zeros((6, 6)), covariance_matrix(rng, 1.0)
     _, weight = overstated(nothing, nothing, precision)
     assert weight == pytest.approx(np.eye(6), abs=1e-9)
+
+
+def test_weights_follow_the_share_of_errors_that_persist(walk):
+    """Slow errors in the working correlation cost certainty where the errors have none."""
+    recording = walk[0]
+    prior = Prior.of_sds(np.tile(PRIOR_SD, (recording.n_views, 1)))
+    joint = estimate(recording, prior=prior)
+    assert joint is not None
+    joint = replace(joint, law=NoiseLaw(0.0))
+    measured, fixed = (reweighted(joint, recording, prior, working) for working in (None, NoiseLaw(0.1)))
+    assert np.median(measured.sd[:, :3]) < 0.99 * np.median(fixed.sd[:, :3])

@@ -7,7 +7,7 @@ from posefuse.calibration.joint import slow_errors
 from posefuse.calibration.joint.equations import Rows, influences, linearize
 from posefuse.calibration.joint.estimate import estimate, sample_frames
 from posefuse.calibration.joint.noise_law import FAST_S, SLOW_S, NoiseLaw
-from posefuse.calibration.joint.slow_errors import correlated_influences
+from posefuse.calibration.joint.slow_errors import correlated_influences, working_law
 
 
 def rows_of(recording, n: int) -> Rows:
@@ -71,3 +71,8 @@ def test_no_slow_errors_leave_the_influences(walk, monkeypatch):
     rows = rows_of(walk[0], 20)
     found = correlated_influences(rows, np.zeros(20, dtype=int), NoiseLaw(1e-9))
     np.testing.assert_allclose(found, influences(rows), atol=1e-5 * np.abs(found).max())
+
+
+@pytest.mark.parametrize(("measured", "expected"), [(0.6, 0.1), (0.03, 0.03), (0.0, 1e-3)])
+def test_working_correlation_has_no_more_slow_errors_than_the_residuals(measured, expected):
+    assert working_law(NoiseLaw(measured)).slow == expected
