@@ -1,14 +1,15 @@
 """Check that the people determine one calibration: no other one may explain what they do about as well."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from posefuse.calibration.people.assemble import Assembly, difference_deg, free_parameters, readjust
 from posefuse.calibration.people.bearings import Bearings
-from posefuse.calibration.people.bodies import Bones
-from posefuse.calibration.people.likelihood import SIGNIFICANT, advantage, body_costs
+from posefuse.calibration.people.bodies import BodySamples, Bones
+from posefuse.calibration.people.body_bundle import BodyState
+from posefuse.calibration.people.likelihood import SIGNIFICANT, advantage, body_costs, camera_costs
 from posefuse.calibration.people.rigs import People, Rig, later, samples_of
 from posefuse.errors import CalibrationError, choices
 from posefuse.model.cameras import rotation_from_vector
@@ -42,10 +43,11 @@ def most_probable(views: Sequence[Bearings], table: People, bones: Bones, focal_
     samples = samples_of(views, table, rig)
     free = free_parameters(focal_known[list(rig.assembly.views)], True)
     settled = []
+    costs_of = _costs_of(rig.assembly)
     for assembly in (rig.assembly, *rivals):
         for _ in range(_ROUNDS):
             assembly = readjust(assembly, samples, bones, free)
-        settled.append((assembly, body_costs(assembly.samples, bones, assembly.state)))
+        settled.append((assembly, costs_of(assembly.samples, bones, assembly.state)))
     best, costs = min(settled, key=lambda each: float(each[1].sum()))
     for other, others in settled:
         apart_deg = difference_deg(best, other)
@@ -56,6 +58,14 @@ def most_probable(views: Sequence[Bearings], table: People, bones: Bones, focal_
                 "person who walks through the whole volume and turns around, or add a camera."
             )
     return replace(rig, assembly=best, offset_s=later(rig.offset_s, best), others=())
+
+
+def _costs_of(assembly: Assembly) -> Callable[[BodySamples, Bones, BodyState], np.ndarray]:
+    """Return the costs by which assemblies are compared.
+
+    Bodies follow most errors of two views, so that only the integral over all bodies compares them.
+    """
+    return camera_costs if len(assembly.views) == _TWO else body_costs
 
 
 def _orbited(assembly: Assembly, angle: float) -> Assembly:
@@ -75,13 +85,14 @@ def _orbited(assembly: Assembly, angle: float) -> Assembly:
 
 def _rivals(rig: Rig, bones: Bones) -> list[Assembly]:
     """Return assemblies of the same views that are very different and not clearly less probable."""
-    costs = body_costs(rig.assembly.samples, bones, rig.assembly.state)
+    costs_of = _costs_of(rig.assembly)
+    costs = costs_of(rig.assembly.samples, bones, rig.assembly.state)
     found: list[Assembly] = []
     for other in rig.others:
         if other.views != rig.assembly.views or len(found) == _MOST_OTHERS:
             continue
         if all(difference_deg(other, each) > FAR_DEG for each in (rig.assembly, *found)):
-            theirs = body_costs(other.samples, bones, other.state)
+            theirs = costs_of(other.samples, bones, other.state)
             if advantage(costs, theirs, other.samples.time_s) < _SCREEN:
                 found.append(other)
     return found

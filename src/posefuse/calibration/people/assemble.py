@@ -16,7 +16,8 @@ from posefuse.calibration.people.body_bundle import (
     initial_state,
     residuals_of,
 )
-from posefuse.calibration.people.likelihood import body_costs
+from posefuse.calibration.people.common_focal import with_common_focal
+from posefuse.calibration.people.likelihood import camera_costs
 from posefuse.calibration.people.pairs import MIN_PARALLAX, PairGeometry
 from posefuse.calibration.people.sample_sides import exchanged_views
 from posefuse.kernels.calibration.body_bundle import (
@@ -42,7 +43,8 @@ _HYPOTHESES = 3
 _VIEW_STEPS = 15
 _TRANSLATION_STEPS = 4
 _FINAL_ROUNDS = 3
-_COMMON_FOCAL, _FOCAL_SPREAD = 0.01, 0.01
+_FINAL_PASSES = 2
+_FOCAL_SPREAD = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,9 +148,15 @@ def readjust(assembly: Assembly, samples: BodySamples, bones: Bones, free: np.nd
     exchanged = exchanged_views(samples, rotations, centers)
     labeled = samples.swapped(np.broadcast_to(exchanged[..., None], samples.observed.shape[:3]))
     start = initial_state(labeled, bones, rotations, centers, assembly.state.log_focal)
-    start = replace(start, focal_spread=_FOCAL_SPREAD)
-    state = adjust_bodies(labeled, bones, start, free, _FINAL_ROUNDS)
+    state = adjust_bodies(labeled, bones, _around_mean(start, free), free, _FINAL_ROUNDS)
     return _assembly(assembly.views, labeled, bones, state, exchanged, assembly.rejected)
+
+
+def _around_mean(state: BodyState, free: np.ndarray) -> BodyState:
+    """Return the state whose free focal lengths may differ from their mean, which is kept."""
+    unknown = free[:, FOCAL]
+    mean = float(state.log_focal[unknown].mean()) if unknown.any() else 0.0
+    return replace(state, focal_spread=_FOCAL_SPREAD, focal_middle=np.where(unknown, mean, 0.0))
 
 
 def _assembly(
@@ -165,7 +173,7 @@ def _assembly(
     loss = np.log1p(np.minimum(residuals[~np.isnan(residuals)], 100.0) ** 2 / STUDENT_T_DOF)
     bound = np.log1p(_OUTLIER**2 / STUDENT_T_DOF)
     support = float((bound - loss).sum())
-    likelihood = 0.5 * (STUDENT_T_DOF + 2.0) * bound * len(loss) - float(body_costs(samples, bones, state).sum())
+    likelihood = 0.5 * (STUDENT_T_DOF + 2.0) * bound * len(loss) - float(camera_costs(samples, bones, state).sum())
     cost = float(loss.mean()) if len(loss) else np.inf
     return Assembly(tuple(views), samples, state, cost, support, likelihood, median, exchanged, rejected)
 
@@ -256,11 +264,13 @@ class _Assembler:
         rotations, centers = state.rotations[order], state.centers[order]
         log_focal = np.zeros(len(views))
         free = self._free(views, True)
-        # At first, unknown focal lengths have a common factor, which bodies determine better than single ones.
-        for rounds, spread in ((2, _COMMON_FOCAL), (_FINAL_ROUNDS, _FOCAL_SPREAD)):
-            labeled, exchanged = self._labeled(views, rotations, centers)
+        labeled, exchanged = self._labeled(views, rotations, centers)
+        for k in range(_FINAL_PASSES):
+            if k > 0:
+                labeled, exchanged = self._labeled(views, rotations, centers)
             start = initial_state(labeled, self.bones, rotations, centers, log_focal)
-            state = adjust_bodies(labeled, self.bones, replace(start, focal_spread=spread), free, rounds)
+            start = with_common_focal(labeled, self.bones, start, free)
+            state = adjust_bodies(labeled, self.bones, _around_mean(start, free), free, _FINAL_ROUNDS)
             rotations, centers, log_focal = state.rotations, state.centers, state.log_focal
         return _assembly(views, labeled, self.bones, state, exchanged, rejected)
 

@@ -28,9 +28,11 @@ _MEDIAN_LENGTH = float(np.sqrt(2.0 * np.log(2.0)))
 _MIN_SCALE, _MAX_SCALE = 0.05, 20.0
 _MIN_GAIN = 1e-4
 _MAX_DAMPING = 1e6
-_FOCAL_SD, _OFFSET_SD_S = 0.4, 0.1
+_FOCAL_SD, _FIXED_SD, _OFFSET_SD_S = 0.4, 1e-3, 0.1
 _GAUGE_PRECISION = 1e-6
 _MIN_COSINE = 0.05
+_MIN_SHARE = 0.05
+_LOOSE_SD = 1e6
 _MIN_VIEWS = 3
 """Views from which the noise of each can be estimated."""
 
@@ -48,6 +50,7 @@ class BodyState:
         log_lengths: shape (person, length).
         scale: shape (view,): noise relative to the nominal one.
         focal_spread: standard deviation of the logarithms of the focal lengths around a common factor.
+        focal_middle: shape (view,): logarithms around which focal lengths are; their mean is fixed.
     """
 
     rotations: np.ndarray
@@ -58,6 +61,7 @@ class BodyState:
     log_lengths: np.ndarray
     scale: np.ndarray
     focal_spread: float = 0.2
+    focal_middle: np.ndarray | None = None
 
     def moved(self, change: np.ndarray, points_step: np.ndarray) -> "BodyState":
         """Return the state after a step of the parameters and of the points (sample, keypoint, 3)."""
@@ -128,7 +132,7 @@ def adjust_bodies(
         [np.flatnonzero(free.ravel()), free.size + np.arange(state.log_lengths.size, dtype=np.int64)]
     )
     for _ in range(rounds):
-        state = replace(state, scale=noise_scales(samples, state))
+        state = replace(state, scale=noise_scales(samples, bones, state))
         state = _descend(samples, bones, state, columns, max_steps)
     return state
 
@@ -140,28 +144,61 @@ def residuals_of(samples: BodySamples, state: BodyState) -> np.ndarray:
     return out
 
 
-def noise_scales(samples: BodySamples, state: BodyState) -> np.ndarray:
+def noise_scales(samples: BodySamples, bones: Bones, state: BodyState) -> np.ndarray:
     """Return the noise of each view relative to the nominal one, shape (view,).
 
     Two views do not show which of them is noisier, so that they have the same.
     """
     residuals = residuals_of(samples, state)
+    unfitted = np.sqrt(residual_share(samples, bones, state))
     if samples.n_views < _MIN_VIEWS:
-        return np.full(samples.n_views, pooled_scale(residuals))
-    out = np.ones(samples.n_views)
-    for v in range(samples.n_views):
-        of_view = residuals[:, v][~np.isnan(residuals[:, v])]
-        if len(of_view):
-            out[v] = float(np.median(np.minimum(of_view, 1e6))) / _MEDIAN_LENGTH
+        return np.full(samples.n_views, bounded_scale(median_scale(residuals) / unfitted))
+    out = np.array([median_scale(residuals[:, v]) for v in range(samples.n_views)]) / unfitted
     # Half way to the median, so that a view that the points follow does not gain much more influence by it.
     return np.clip(np.sqrt(out * np.median(out)), _MIN_SCALE, _MAX_SCALE)
 
 
+def residual_share(samples: BodySamples, bones: Bones, state: BodyState) -> float:
+    """Return which share of the variance of the errors is left in the residuals, as the points follow the rest.
+
+    It is the share of the degrees of freedom (H. D. Patterson and R. Thompson, "Recovery of inter-block information
+    when block sizes are unequal", Biometrika 58, 1971): without it, bones that stretch seem to make detections exact.
+    """
+    loose = replace(bones, sd=np.full_like(bones.sd, _LOOSE_SD))
+    followed = _Terms.of(samples, loose, state).points
+    matrices = _regular(_Terms.of(samples, bones, state).points)
+    n = 2.0 * np.isfinite(samples.observed[..., 0]).sum()
+    fitted = float(np.einsum("sij,sji->", np.linalg.inv(matrices), followed))
+    return float(np.clip(1.0 - fitted / max(n, 1.0), _MIN_SHARE, 1.0))
+
+
+def points_information(samples: BodySamples, bones: Bones, state: BodyState) -> np.ndarray:
+    """Return the information on the points of each sample, shape (sample, 3 keypoints, 3 keypoints)."""
+    return _Terms.of(samples, bones, state).points
+
+
+def _regular(matrices: np.ndarray) -> np.ndarray:
+    """Return information on points, (sample, 3 keypoints, 3 keypoints), that is regular where points are missing."""
+    out = matrices.copy()
+    diagonal = np.einsum("sii->si", out)
+    diagonal[...] = np.where(diagonal > 0.0, diagonal * (1.0 + 1e-9), 1.0)
+    return out
+
+
+def median_scale(residuals: np.ndarray) -> float:
+    """Return the noise relative to the nominal one by the median residual, NaN where missing; 1 without any."""
+    known = residuals[~np.isnan(residuals)]
+    return float(np.median(np.minimum(known, 1e6))) / _MEDIAN_LENGTH if len(known) else 1.0
+
+
+def bounded_scale(scale: float) -> float:
+    """Return a plausible scale of the noise."""
+    return min(max(scale, _MIN_SCALE), _MAX_SCALE)
+
+
 def pooled_scale(residuals: np.ndarray) -> float:
     """Return the noise of all views relative to the nominal one; residuals have any shape, NaN where missing."""
-    known = residuals[~np.isnan(residuals)]
-    scale = float(np.median(np.minimum(known, 1e6))) / _MEDIAN_LENGTH if len(known) else 1.0
-    return min(max(scale, _MIN_SCALE), _MAX_SCALE)
+    return bounded_scale(median_scale(residuals))
 
 
 def moved_rays(samples: BodySamples, state: BodyState) -> np.ndarray:
@@ -202,10 +239,11 @@ def _descend(samples: BodySamples, bones: Bones, state: BodyState, columns: np.n
     return state
 
 
-def _focal_precision(n_views: int, spread: float) -> np.ndarray:
+def _focal_precision(n_views: int, state: BodyState) -> np.ndarray:
     """Return the precision of the prior of focal lengths: a common factor, and the spread of the cameras around it."""
     common = np.full((n_views, n_views), 1.0 / n_views)
-    return (np.eye(n_views) - common) / spread**2 + common / _FOCAL_SD**2
+    sd = _FOCAL_SD if state.focal_middle is None else _FIXED_SD
+    return (np.eye(n_views) - common) / state.focal_spread**2 + common / sd**2
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,9 +276,10 @@ class _Terms:
             (points, mixed, views),
         )
         matrix, gradient = views[:, :-1].copy(), views[:, -1].copy()
+        middle = np.zeros(n_views) if state.focal_middle is None else state.focal_middle
         for column, values, precision in (
             (OFFSET, state.shift_s, np.eye(n_views) / _OFFSET_SD_S**2),
-            (FOCAL, state.log_focal, _focal_precision(n_views, state.focal_spread)),
+            (FOCAL, state.log_focal - middle, _focal_precision(n_views, state)),
         ):
             places = np.arange(n_views) * VIEW_COLUMNS + column
             matrix[np.ix_(places, places)] += precision

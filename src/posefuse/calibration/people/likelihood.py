@@ -5,16 +5,28 @@ The test is that of Q. H. Vuong, "Likelihood ratio tests for model selection and
 over seconds and over keypoints, and the sums that scatter more give the standard deviation.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from posefuse.calibration.people.bodies import BodySamples, Bones
-from posefuse.calibration.people.body_bundle import BodyState, pooled_scale, residuals_of
+from posefuse.calibration.people.body_bundle import (
+    BodyState,
+    bounded_scale,
+    median_scale,
+    points_information,
+    pooled_scale,
+    residual_share,
+    residuals_of,
+)
 from posefuse.kernels.calibration.body_bundle import STUDENT_T_DOF
 
 SIGNIFICANT = 2.0
 """Standard deviations from which one explanation is significantly better than another."""
 _BLOCK_S = 2.0
 _MIN_BLOCKS = 5
+_FAR = 100.0
+"""Distance of points, relative to the length of bones, that is improbable."""
 _OUTLIER = 100.0
 """Cost of a point behind a camera, as an error in standard deviations."""
 
@@ -32,6 +44,25 @@ def body_costs(samples: BodySamples, bones: Bones, state: BodyState) -> np.ndarr
     """
     residuals = residuals_of(samples, state)
     costs = observation_costs(residuals, pooled_scale(residuals)).sum(axis=1)
+    return costs + _bone_costs(bones, samples, state)
+
+
+def camera_costs(samples: BodySamples, bones: Bones, state: BodyState) -> np.ndarray:
+    """Return the negative logarithm of the probability of observations by cameras, shape (sample, keypoint).
+
+    The likelihood of cameras is an integral over all points (Laplace 1774). A maximum alone prefers cameras that let
+    points and bones follow their observations (J. Neyman and E. L. Scott, Econometrica 16, 1948). Arguments as of
+    :func:`body_costs`.
+    """
+    residuals = residuals_of(samples, state)
+    scale = bounded_scale(median_scale(residuals) / np.sqrt(residual_share(samples, bones, state)))
+    costs = observation_costs(residuals, scale).sum(axis=1)
+    return costs + _bone_costs(bones, samples, state) + _volumes(samples, bones, state, scale)
+
+
+def _bone_costs(bones: Bones, samples: BodySamples, state: BodyState) -> np.ndarray:
+    """Return the costs of bones by the keypoints at their ends, shape (sample, keypoint)."""
+    costs = np.zeros(state.points.shape[:2])
     first, second = bones.ends.T
     with np.errstate(divide="ignore"):
         log_length = np.log(np.linalg.norm(state.points[:, first] - state.points[:, second], axis=-1))
@@ -42,6 +73,24 @@ def body_costs(samples: BodySamples, bones: Bones, state: BodyState) -> np.ndarr
         costs[:, a] += 0.5 * of_bones[:, bone]
         costs[:, b] += 0.5 * of_bones[:, bone]
     return costs
+
+
+def _volumes(samples: BodySamples, bones: Bones, state: BodyState, scale: float) -> np.ndarray:
+    """Return the logarithms of the inverse volumes in which points explain their observations, (sample, keypoint)."""
+    pooled = replace(state, scale=np.full_like(state.scale, scale))
+    information = points_information(samples, bones, pooled)
+    size = np.exp(state.log_lengths.mean(axis=1))[samples.person]
+    # Relative to the size of bodies, so that the costs do not depend on the unit of length.
+    information = information * np.square(size)[:, None, None]
+    n, size = information.shape[0], information.shape[1] // 3
+    seen = np.einsum("sii->si", information)[:, ::3] > 0.0
+    matrices = information + _FAR**-2.0 * np.eye(3 * size)
+    total = np.where(np.repeat(seen, 3, axis=1), np.log(np.einsum("sii->si", np.linalg.cholesky(matrices))), 0.0)
+    own = np.stack([matrices[:, 3 * k : 3 * k + 3, 3 * k : 3 * k + 3] for k in range(size)], axis=1)
+    alone = np.where(seen, 0.5 * np.linalg.slogdet(own)[1], 0.0)
+    # Bones relate keypoints; what they add belongs to all of a body.
+    shared = (total.sum(axis=1) - alone.sum(axis=1)) / np.maximum(seen.sum(axis=1), 1)
+    return np.where(seen, alone + shared[:, None], 0.0).reshape(n, size)
 
 
 def observation_costs(residuals: np.ndarray, scale: float) -> np.ndarray:

@@ -8,13 +8,14 @@ import pytest
 from posefuse.calibration.people.bearings import bearings_of
 from posefuse.calibration.people.bodies import bones_of, sample_bodies
 from posefuse.calibration.people.body_bundle import initial_state
-from posefuse.calibration.people.likelihood import SIGNIFICANT, advantage, body_costs
+from posefuse.calibration.people.likelihood import SIGNIFICANT, advantage, body_costs, camera_costs
 from posefuse.model.cameras import rotation_from_vector
 from posefuse.synthetic.rigs import build_rig
 from tests.filmed_people import filmed_person
 
 
-def test_true_cameras_are_significantly_more_probable(rng):
+@pytest.mark.parametrize("costs_of", [body_costs, camera_costs])
+def test_true_cameras_are_significantly_more_probable(rng, costs_of):
     rig = build_rig("ring", 3)
     people = filmed_person(rig, rng)
     views = [bearings_of(view, people.skeleton) for view in people.views]
@@ -24,10 +25,14 @@ def test_true_cameras_are_significantly_more_probable(rng):
     centers = np.stack([camera.center_m for camera in rig.cameras])
     true = initial_state(samples, bones, rotations, centers)
     turned = replace(true, rotations=rotation_from_vector(np.array([0.0, 0.05, 0.0])) @ true.rotations)
-    costs, others = body_costs(samples, bones, true), body_costs(samples, bones, turned)
+    costs, others = costs_of(samples, bones, true), costs_of(samples, bones, turned)
     assert costs.shape == samples.observed.shape[:3:2]
     assert advantage(costs, others, samples.time_s) > SIGNIFICANT
     assert advantage(others, costs, samples.time_s) < -SIGNIFICANT
+    larger = replace(
+        true, centers=2.0 * true.centers, points=2.0 * true.points, log_lengths=true.log_lengths + np.log(2.0)
+    )
+    np.testing.assert_allclose(costs_of(samples, bones, larger).sum(), costs.sum(), rtol=1e-6)
 
 
 def test_evidence_of_one_keypoint_or_one_second_is_not_significant():
