@@ -100,10 +100,14 @@ class Refinement:
         the recording check must find the calibration wrong, too. Without its result, and for cameras whose poses were
         not used, the decrease decides.
         """
-        lower = self.after_px < self.before_px and not self.gain_z < _MIN_GAIN_Z
         if self.findings is None or any(camera.role != "refined" for camera in self.cameras if camera.role != "fixed"):
-            return lower
+            return self.predicts_better
         return self.after_px < self.before_px and any(finding.kind in POSE_FINDINGS for finding in self.findings)
+
+    @property
+    def predicts_better(self) -> bool:
+        """Return whether the errors of held-out frames decrease significantly."""
+        return self.after_px < self.before_px and not self.gain_z < _MIN_GAIN_Z
 
     def __getitem__(self, name: str) -> CameraOutcome:
         return self.cameras[self.before.index(name)]

@@ -72,11 +72,14 @@ def refine_calibration(
     if result.is_better:
         say(f"Use it: posefuse reconstruct RECORDING --calibration {output}")
         return
-    say(
-        "Keep the original calibration: the recording does not show that the refined one is better. Systematic errors "
-        "of the detector lower the held-out error as well. To determine the poses better, film a person who walks "
-        "through the whole volume."
-    )
+    say(f"Keep the original calibration: {NOT_SHOWN}")
+
+
+NOT_SHOWN = (
+    "the recording does not show that the refined one is better. Systematic errors of the detector lower the held-out "
+    "error as well. To determine the poses better, film a person who walks through the whole volume."
+)
+"""Why a refined calibration is not recommended."""
 
 
 def describe(result: Refinement) -> None:

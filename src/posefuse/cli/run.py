@@ -160,11 +160,14 @@ class _Stages:
     def _calibration(self, outcome: "RunOutcome") -> None:
         refined = outcome.refinement
         if refined is not None:
+            from posefuse.cli.refine_calibration import NOT_SHOWN
             from posefuse.cli.refine_calibration import describe as describe_refinement
 
-            better = "predicts held-out frames better and is used" if refined.is_better else "is not better: not used"
-            _line("calibrate", f"the refined calibration {better}")
+            used = "predicts held-out frames better and is used" if refined.predicts_better else "is not used"
+            _line("calibrate", f"the refined calibration {used}")
             describe_refinement(refined)
+            if refined.predicts_better and not refined.is_better:
+                warn(f"The refined calibration is used because of `refine`, but {NOT_SHOWN}")
             return
         assert outcome.calibration is not None
         _line("calibrate", outcome.calibration.sentence)

@@ -70,10 +70,25 @@ def refine_recording(
         options, refining = replace(options, people="one"), replace(refining, rigid=True)
     result = refine_calibration(rig, detections, options, refining, progress=progress)
     if source == "keypoints":
-        findings, sds = judge_poses(rig, detections, options, progress)
-        cameras = tuple(with_slow_errors(camera, *sds.get(camera.name, (0.0, 0.0))) for camera in result.cameras)
-        result = replace(result, findings=findings, cameras=cameras)
+        result = with_verdict(result, rig, detections, options, progress)
     return result, write_like(_with_notes(result, calibration, source), output, calibration)
+
+
+def with_verdict(
+    result: Refinement, rig: CameraRig, detections: Detections, options: Options, progress: Progress
+) -> Refinement:
+    """Return a refinement by people with what the recording check says, and at least its standard deviations.
+
+    Args:
+        result: the refinement.
+        rig: the original calibration.
+        detections: keypoints of the recording.
+        options: views and frames to use, and how they are triangulated.
+        progress: receives the progress.
+    """
+    findings, sds = judge_poses(rig, detections, options, progress)
+    cameras = tuple(with_slow_errors(camera, *sds.get(camera.name, (0.0, 0.0))) for camera in result.cameras)
+    return replace(result, findings=findings, cameras=cameras)
 
 
 def _read(

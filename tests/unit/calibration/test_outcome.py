@@ -51,6 +51,11 @@ def test_without_a_verdict_the_decrease_must_be_significant(role, findings, gain
     assert not refinement(role, gain_z=gain_z, findings=findings, after_px=2.5).is_better
 
 
+def test_what_the_recording_check_says_does_not_change_the_prediction():
+    assert refinement(findings=()).predicts_better
+    assert not refinement(findings=(), after_px=2.5).predicts_better
+
+
 def test_fixed_cameras_do_not_replace_the_verdict():
     assert not refinement("fixed", findings=()).is_better
 

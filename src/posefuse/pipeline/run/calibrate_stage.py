@@ -25,6 +25,7 @@ from posefuse.pipeline.calibrate_board import calibrate_by_board
 from posefuse.pipeline.calibrate_people import calibrate_by_people
 from posefuse.pipeline.calibration_report import write_calibration_report
 from posefuse.pipeline.refine_calibration import refine_calibration
+from posefuse.pipeline.refine_recording import with_verdict
 from posefuse.pipeline.run.lens_stage import board_digest, board_of, lens_inputs
 from posefuse.pipeline.run.plan import RunPlan
 from posefuse.pipeline.run.view_facts import shortest_s
@@ -166,8 +167,9 @@ def refine(plan: RunPlan, calibration: Path, detections: Detections, output: Pat
     """
     rig = read_cameras(calibration, length_unit=plan.options.length_unit, up=plan.options.up)
     result = refine_calibration(rig, detections, plan.options, progress=progress)
+    result = with_verdict(result, rig, detections, plan.options, progress)
     output.unlink(missing_ok=True)
-    if result.is_better:
+    if result.predicts_better:
         notes = (
             f"Refined by the people from {calibration.name} (SHA-256 {digest_path(calibration)}).",
             f"Median error in held-out frames: {result.before_px:.2f} px before, {result.after_px:.2f} px after.",

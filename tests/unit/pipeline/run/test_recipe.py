@@ -165,7 +165,11 @@ def test_a_given_calibration_is_refined_where_that_helps(tmp_path, turned_deg):
     anipose.write(replace(scene.rig, cameras=tuple(cameras)), tmp_path / "calibration.toml")
     native.write(scene.detections, tmp_path / "keypoints.nc")
     outcome = posefuse.run(tmp_path, tmp_path / "out", RunOptions(refine=True, synchronize="off"))
-    assert outcome.refinement.is_better == (turned_deg > 0.0)
+    refined = outcome.refinement
+    assert refined.predicts_better == refined.is_better == (turned_deg > 0.0)
+    # The verdict is that of refine-calibration.
+    assert refined.findings is not None
+    assert bool(refined.findings) == (turned_deg > 0.0)
     assert (tmp_path / "out" / "calibration.toml").is_file() == (turned_deg > 0.0)
     again = posefuse.run(tmp_path, tmp_path / "out", RunOptions(refine=True, synchronize="off"))
     assert again.kept == ("calibrate",)
