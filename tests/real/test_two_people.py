@@ -96,7 +96,7 @@ def test_recorded_motion_of_one_person(shared_data):
     """
     motion = panoptic.one_person(shared_data("panoptic_motion").parent)
     made = crowd_of_points(motion.points_m[:600], motion.rig, motion.skeleton, motion.rate_hz)
-    result = posefuse.reconstruct(made.rig, made.detections, posefuse.Options(people="many"))
+    result = posefuse.reconstruct(made.rig, made.detections, posefuse.Options(people="many", layer="model"))
     actual = score_people(people_points(result, made.truth))
     assert actual.clear[0].switches == 0
     assert actual.recall_after_entry > 0.995

@@ -29,7 +29,7 @@ def plot(
         tuple[str, ...],
         Parameter(help="Joint angles of the angle figure; by default the eight with the largest range."),
     ] = (),
-    layer: Annotated[LayerName | None, Parameter(help="Layer to draw; by default the most processed one.")] = None,
+    layer: Annotated[LayerName | None, Parameter(help="Layer to draw; by default the best one available.")] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Draw a result's figures as PNG and SVG, for papers and slides."""

@@ -14,6 +14,7 @@ from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES
 from posefuse.model.findings import Finding
 from posefuse.model.label_swaps import Swaps
+from posefuse.model.layer_scores import LayerScore, layer_of_scores
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.options import LayerName, Options
 from posefuse.model.status import PointStatus, is_used
@@ -22,7 +23,7 @@ from posefuse.model.tracks import Tracks
 from posefuse.skeleton.skeletons import Skeleton
 
 LAYERS: tuple[LayerName, ...] = ("measured", "solved", "model")
-"""Layers from least to most processed; by default, exports use the last one present."""
+"""Layers from least to most processed; without scores, exports use the last one present by default."""
 
 COVARIANCE_ENTRIES = ("xx", "xy", "xz", "yy", "yz", "zz")
 _DIAGONAL = (0, 3, 5)
@@ -166,6 +167,7 @@ class Reconstruction:
         resolved: the same options with every default resolved for this recording; ``options`` by default.
         findings: problems found by the recording check, most serious first.
         provenance: origin of the result.
+        layer_scores: how well each layer predicts left-out views; empty if the layers were not compared.
 
     Raises:
         ResultError: if the parts do not match.
@@ -189,6 +191,7 @@ class Reconstruction:
     provenance: Provenance = field(default_factory=Provenance)
     resolved: Options = None  # type: ignore[assignment]
     findings: tuple[Finding, ...] = ()
+    layer_scores: tuple[LayerScore, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "resolved", self.resolved or self.options)
@@ -241,13 +244,17 @@ class Reconstruction:
         return self.options.sync.time_shifted(self.rig.names, self.time_s, period)
 
     def best_layer(self, name: LayerName | None = None) -> tuple[LayerName, Layer]:
-        """Return the named layer, or the most processed one present, with its name.
+        """Return the named layer, or the one that predicts left-out views best, with its name.
 
-        The model is not the default where it covers less than half of the keypoints that have an edge.
+        Where the layers were not compared, the default is the most processed one present, but the model only if it
+        covers at least half of the keypoints that have an edge.
 
         Raises:
             LayerError: if the named layer does not exist.
         """
+        if name is None:
+            scored = layer_of_scores(self.layer_scores)
+            name = scored if scored in self.layers else None
         if name is None:
             with_edge = len(set(self.skeleton.edge_indices.ravel().tolist()))
             sparse = 2 * len(self.skeleton.unmodeled) > with_edge

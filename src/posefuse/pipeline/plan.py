@@ -8,6 +8,7 @@ from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.findings import Finding
+from posefuse.model.layer_scores import LayerScore
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
@@ -37,6 +38,7 @@ class Plan:
         alignment: similarity to the world of the result, or None to keep the calibration's.
         findings: problems that the recording check found.
         method_notes: those of the provenance's notes that the method's preparation made.
+        layer_scores: scores of the layers of the result; empty if there is nothing to compare.
     """
 
     rig: CameraRig
@@ -53,6 +55,7 @@ class Plan:
     alignment: Alignment | None = None
     findings: tuple[Finding, ...] = ()
     method_notes: tuple[str, ...] = ()
+    layer_scores: tuple[LayerScore, ...] = ()
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -87,4 +90,5 @@ def empty_result(plan: Plan) -> Reconstruction:
         resolved=plan.options,
         provenance=plan.provenance,
         findings=plan.findings,
+        layer_scores=plan.layer_scores,
     )

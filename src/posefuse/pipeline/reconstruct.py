@@ -32,6 +32,7 @@ from posefuse.noise.scales import assumed_noise
 from posefuse.pipeline import solved_layer
 from posefuse.pipeline.defaults import RecordingFacts, cut_time, resolve_method, resolve_options
 from posefuse.pipeline.diagnose import check_recording
+from posefuse.pipeline.left_out_views import with_layer_scores
 from posefuse.pipeline.measured_layer import measure, partial_note, reconstruct_chunks
 from posefuse.pipeline.people.find_subjects import (
     FindStoredSubjects,
@@ -80,7 +81,7 @@ def reconstruct(
         DetectionsError: if the detections do not allow what the options ask for.
     """
     progress = progress or Silent()
-    plan = check_recording(prepare(rig, detections, options or Options(), progress, checkpoint))
+    plan = with_layer_scores(check_recording(prepare(rig, detections, options or Options(), progress, checkpoint)))
     return concatenate_ranges(reconstruct_chunks(plan, progress, checkpoint), plan.detections.n_frames)
 
 

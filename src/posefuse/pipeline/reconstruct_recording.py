@@ -31,6 +31,7 @@ from posefuse.pipeline.fingerprints import (
     recording_keys,
     write_mark,
 )
+from posefuse.pipeline.left_out_views import with_layer_scores
 from posefuse.pipeline.measured_layer import PARTIAL, finished_chunks, reconstruct_chunks
 from posefuse.pipeline.plan import Plan
 from posefuse.pipeline.reconstruct import prepare
@@ -307,6 +308,7 @@ class _Run:
         else:
             plan = prepare(*recording, self.progress, parts)
         plan = check_recording(replace(plan, provenance=replace(plan.provenance, inputs=opened.digests)))
+        plan = with_layer_scores(plan)
         if runner is not None:
             netcdf.write(reconstruct_distributed(plan, runner, self.progress), path)
         else:

@@ -64,6 +64,10 @@ class Step(Protocol):
         """Return the same step for the frames ``start`` to ``stop`` as a recording of their own, in memory."""
         ...
 
+    def with_views(self, rig: CameraRig, detections: Detections, noise: NoiseModel) -> "Step":
+        """Return the same step for the same frames with other views."""
+        ...
+
 
 @dataclass(frozen=True, eq=False)
 class Postprocess:
@@ -109,6 +113,10 @@ class Postprocess:
         """Return the same step for the frames ``start`` to ``stop`` as a recording of their own, in memory."""
         return replace(self, detections=self.detections.frames(start, stop), clock=self.clock.frames(start, stop))
 
+    def with_views(self, rig: CameraRig, detections: Detections, noise: NoiseModel) -> "Postprocess":
+        """Return the same step for the same frames with other views."""
+        return replace(self, rig=rig, detections=detections)
+
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
@@ -145,6 +153,10 @@ class Trajectory:
     def frames(self, start: int, stop: int) -> "Trajectory":
         """Return the same step for the frames ``start`` to ``stop`` as a recording of their own, in memory."""
         return replace(self, detections=self.detections.frames(start, stop))
+
+    def with_views(self, rig: CameraRig, detections: Detections, noise: NoiseModel) -> "Trajectory":
+        """Return the same step for the same frames with other views."""
+        return replace(self, rig=rig, detections=detections, noise=noise)
 
 
 def fit_trajectory(

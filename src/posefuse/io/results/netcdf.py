@@ -38,6 +38,7 @@ from posefuse.io.results.finding_records import findings_from_json, findings_to_
 from posefuse.io.results.format import ResultFormat
 from posefuse.io.results.netcdf_world import alignment_from_json, alignment_to_json, read_rig, write_rig
 from posefuse.model.label_swaps import Swaps, SwapState
+from posefuse.model.layer_scores import LayerScore
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import COVARIANCE_ENTRIES, LAYERS, Layer, Provenance, Reconstruction
@@ -118,6 +119,8 @@ def _read(path: Path) -> Reconstruction:
             "provenance": _read_provenance(text_of(file, "provenance")),
             "findings": findings_from_json(text_of(file, "findings")) if "findings" in file.attrs else (),
         }
+        if "layer_scores" in file.attrs:
+            head["layer_scores"] = tuple(LayerScore(**each) for each in json.loads(text_of(file, "layer_scores")))
         if "resolved_options" in file.attrs:
             head["resolved"] = stored_options(json.loads(text_of(file, "resolved_options")), path.name)
         if "noise_scale" in stored:
@@ -194,6 +197,8 @@ def _write_attributes(file: h5netcdf.File, first: Reconstruction) -> None:
     file.attrs["resolved_options"] = json.dumps(asdict(first.resolved))
     file.attrs["findings"] = findings_to_json(first.findings)
     file.attrs["provenance"] = json.dumps(asdict(first.provenance))
+    if first.layer_scores:
+        file.attrs["layer_scores"] = json.dumps([asdict(each) for each in first.layer_scores])
     if first.rate_hz is not None:
         file.attrs["rate_hz"] = float(first.rate_hz)
     if first.alignment is not None:

@@ -63,7 +63,8 @@ class Options:
         noise_scale_px: Standard deviation of every detection per axis; by default estimated from the recording.
         health: Check of the recording for wrong calibrations, swapped cameras, time offsets and similar faults: on or
             off.
-        layer: Layer to export and evaluate: measured, solved or model. By default it is the best one available.
+        layer: Layer to export and evaluate: measured, solved or model. By default it is the one that predicts left-out
+            views best.
         triangulation: Options of triangulation.
         noise: Options of the detection noise.
         sync: Time offsets of the views.

@@ -1,7 +1,7 @@
 """Track people through a recording."""
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,8 +44,18 @@ def track_subject(
     options: Options,
     progress: Progress,
     checkpoint: Checkpoint = NO_CHECKPOINT,
+    make_tracker: Callable[[Options], ArticulatedTracker] | None = None,
 ) -> TrackedPeople:
     """Fit a body to the single subject of a recording by tracking its detections.
+
+    Args:
+        rig: calibrated cameras.
+        detections: detections of the recording.
+        subject: assigns detections to the subject.
+        options: options of the reconstruction.
+        progress: receives the progress.
+        checkpoint: stores the state of tracking.
+        make_tracker: returns a tracker with options for a single subject; by default, one for this recording is made.
 
     Raises:
         DetectionsError: if frames have no times.
@@ -68,7 +78,9 @@ def track_subject(
     tracker = replace(
         options.tracker, max_people=1, terminate_after_s=_NEVER_S, reidentification=always, specification=anywhere
     )
-    return track_people(rig, alone, replace(options, tracker=tracker), progress, checkpoint)
+    options = replace(options, tracker=tracker)
+    made = None if make_tracker is None else make_tracker(options)
+    return track_people(rig, alone, options, progress, checkpoint, made)
 
 
 def track_people(

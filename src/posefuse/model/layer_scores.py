@@ -1,0 +1,72 @@
+"""Scores of the layers of a recording by left-out views, and the default layer that follows from them."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from posefuse.model.options.options import LayerName
+
+_MIN_SHARE = 0.99
+"""Share of the measured points that the default layer has at least."""
+
+_TIE = 0.01
+"""Scores that differ by less than this fraction are equal."""
+
+
+@dataclass(frozen=True)
+class LayerScore:
+    """How well a layer predicts the detections of views that it does not use.
+
+    Attributes:
+        layer: name of the layer.
+        median_px, mean_px: distance between the detections of a left-out view and the projected points of the other
+            views, over the points that all compared layers have; NaN without any.
+        share: points of the layer, as a share of the measured points.
+    """
+
+    layer: LayerName
+    median_px: float
+    mean_px: float
+    share: float
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the layer has enough points to be the default."""
+        return self.share >= _MIN_SHARE and math.isfinite(self.score_px)
+
+    @property
+    def score_px(self) -> float:
+        """Geometric mean of the median and the mean: the median alone ignores rare, large errors."""
+        return math.sqrt(self.median_px * self.mean_px)
+
+
+def layer_of_scores(scores: Sequence[LayerScore]) -> LayerName | None:
+    """Return the layer that predicts left-out views best; None if nothing was scored.
+
+    Layers without enough points do not count. Of layers whose scores differ by less than 1 %, the solved layer is
+    chosen, and without it the best one.
+    """
+    complete = [each for each in scores if each.is_complete]
+    if not complete:
+        return None
+    best = min(complete, key=lambda each: each.score_px)
+    for each in complete:
+        if each.layer == "solved" and each.score_px <= (1.0 + _TIE) * best.score_px:
+            return "solved"
+    return best.layer
+
+
+def describe_scores(scores: Sequence[LayerScore]) -> str:
+    """Return a sentence with the scores and the default layer; empty if nothing was scored."""
+    best = layer_of_scores(scores)
+    if best is None:
+        return ""
+    listed = ", ".join(_describe(each) for each in scores)
+    return f"Left-out views (median and mean): {listed}. The default layer is {best}."
+
+
+def _describe(score: LayerScore) -> str:
+    if not math.isfinite(score.score_px):
+        return f"{score.layer} not computed"
+    incomplete = "" if score.is_complete else f" (has {100.0 * score.share:.0f} % of the measured points)"
+    return f"{score.layer} {score.median_px:.1f} and {score.mean_px:.1f} px{incomplete}"

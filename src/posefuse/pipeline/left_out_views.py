@@ -1,0 +1,202 @@
+"""Score the layers of a recording: predict the detections of views that are left out.
+
+In a sample of frames, each view is left out in turn, all layers are computed from the other views, and their points are
+projected into the view. The assignment of detections to people, the noise, the priors of motion and bones, and the
+lengths of bodies are those of the whole recording.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from posefuse.association.one_subject import SingleSubject
+from posefuse.errors import PosefuseError
+from posefuse.model.cameras import CameraRig
+from posefuse.model.detections import Detections
+from posefuse.model.layer_scores import LayerScore, describe_scores
+from posefuse.model.options.options import LayerName
+from posefuse.model.reconstruction import LAYERS, Reconstruction
+from posefuse.model.subjects import FixedSubjects
+from posefuse.model.tracks import Tracks, TrackState
+from posefuse.pipeline.measured_layer import measure
+from posefuse.pipeline.people.left_out_bodies import Bodies
+from posefuse.pipeline.people.stills import STILLS
+from posefuse.pipeline.plan import Plan
+from posefuse.pipeline.solved_layer import FrameWindow, LayerSolver, clock_of
+
+_MIN_VIEWS = 3
+"""With one of two views left out, nothing can be triangulated."""
+
+_MAX_VIEWS = 6
+_MAX_SPANS, _SPAN_S, _MARGIN_S = 4, 1.0, 0.35
+_MIN_SPAN, _MAX_SPAN = 8, 40
+_MAX_OBSERVED = 1000
+"""Upper bound of frames times people times views that are left out."""
+
+_MIN_CONFIDENCE = 0.2
+"""Detections with a lower confidence are not compared."""
+
+
+@dataclass(frozen=True)
+class Span:
+    """A range of frames to predict, with a margin on either side.
+
+    Attributes:
+        first: index of the first frame of the margin.
+        start: index of the first frame to predict.
+        stop: index after the last frame to predict.
+        last: index after the last frame of the margin.
+    """
+
+    first: int
+    start: int
+    stop: int
+    last: int
+
+
+def with_layer_scores(plan: Plan) -> Plan:
+    """Return the plan with the scores of the layers that its result will have, and a note of them.
+
+    A plan without scores is returned unchanged: with one layer, fewer than three views, or unrelated frames there is
+    nothing to compare.
+    """
+    bodies = Bodies.of(plan.bodies or plan.subjects, plan.options)
+    n_views, people = len(plan.rig), plan.subjects.tracks(0, 0).person_ids
+    if (plan.solver is None and bodies is None) or n_views < _MIN_VIEWS or not people or plan.options.people == STILLS:
+        return plan
+    errors = _errors_px(plan, bodies)
+    scores = _scores(errors)
+    note = describe_scores(scores)
+    provenance = plan.provenance.with_notes((note,)) if note else plan.provenance
+    return replace(plan, layer_scores=scores, provenance=provenance)
+
+
+def sample_spans(plan: Plan, n_left_out: int) -> list[Span]:
+    """Return ranges of frames that represent a recording, which depend on its length, views and people only."""
+    n_frames, period_s = plan.detections.n_frames, clock_of(plan.detections).period_s
+    most = int(_MAX_OBSERVED / (n_left_out * _people_present(plan)))
+    length = min(max(round(_SPAN_S / period_s), _MIN_SPAN), _MAX_SPAN, max(most // _MAX_SPANS, _MIN_SPAN))
+    margin = min(round(_MARGIN_S / period_s), _MAX_SPAN)
+    number = min(_MAX_SPANS, max(n_frames // (length + 2 * margin), 1))
+    if number == 1:
+        length = min(n_frames, max(length, most))
+    # Spans lie in the middle of equal parts of the recording.
+    centers = (np.arange(number) + 0.5) * n_frames / number
+    spans = []
+    for center in centers:
+        start = max(int(center - 0.5 * length), 0)
+        stop = min(start + length, n_frames)
+        spans.append(Span(max(start - margin, 0), start, stop, min(stop + margin, n_frames)))
+    return spans
+
+
+def _people_present(plan: Plan) -> float:
+    """Return the mean number of people in a frame, at least 1."""
+    if isinstance(plan.subjects, SingleSubject):
+        return 1.0
+    state = np.asarray(plan.subjects.tracks(0, plan.detections.n_frames).state)
+    return max(float((state == TrackState.ACTIVE).sum(axis=1).mean()), 1.0)
+
+
+def _left_out(n_views: int) -> list[int]:
+    """Return the views to leave out: all, or some of many, evenly spread."""
+    number = min(n_views, _MAX_VIEWS)
+    return [int((i + 0.5) * n_views / number) for i in range(number)]
+
+
+def _errors_px(plan: Plan, bodies: Bodies | None) -> dict[LayerName, np.ndarray]:
+    """Return the prediction errors of each layer, shape (sample, person, keypoint), NaN without detection or point."""
+    left_out = _left_out(len(plan.rig))
+    found: dict[LayerName, list[np.ndarray]] = {}
+    for span in sample_spans(plan, len(left_out)):
+        whole = plan.detections.frames(span.first, span.last)
+        tracks = plan.subjects.tracks(span.first, span.last)
+        for view in left_out:
+            pixels = _pixels(whole, tracks, view)
+            points = _points_without(plan, bodies, span, whole, tracks, view)
+            inside = slice(span.start - span.first, span.stop - span.first)
+            for name, each in points.items():
+                predicted = plan.rig.cameras[view].project(each[inside])[0]
+                error = np.linalg.norm(predicted - pixels[inside], axis=-1)
+                found.setdefault(name, []).append(error)
+    return {name: np.concatenate(parts) for name, parts in found.items()}
+
+
+def _pixels(detections: Detections, tracks: Tracks, view: int) -> np.ndarray:
+    """Return the keypoints of a view, shape (frame, person, keypoint, 2), NaN where none is certain enough."""
+    rows = tracks.rows(detections)[:, :, view]
+    found = np.where(rows >= 0, rows, 0)
+    if not len(detections.keypoints_px):
+        return np.full((*rows.shape, len(detections.skeleton), 2), np.nan)
+    pixels, confidence = np.asarray(detections.keypoints_px)[found], np.asarray(detections.confidence)[found]
+    counts = (rows >= 0)[..., None] & ~(confidence < _MIN_CONFIDENCE)
+    return np.where(counts[..., None], pixels, np.nan)
+
+
+def _points_without(
+    plan: Plan, bodies: Bodies | None, span: Span, whole: Detections, tracks: Tracks, view: int
+) -> dict[LayerName, np.ndarray]:
+    """Return the points of each layer computed without a view, shape (frame, person, keypoint, 3)."""
+    rig, others = _others(plan.rig, view)
+    detections = whole.views([name for i, name in enumerate(whole.view_names) if i != view])
+    tracks = Tracks(tracks.person_ids, np.asarray(tracks.detection)[:, :, others], tracks.state)
+    noise = replace(plan.noise, scale_px=plan.noise.scale_px[others])
+    triangulation = replace(
+        plan.options.triangulation, min_views=min(plan.options.triangulation.min_views or 2, len(rig))
+    )
+    part_plan = replace(
+        plan, rig=rig, detections=detections, subjects=FixedSubjects(tracks), noise=noise, bodies=None, solver=None,
+        alignment=None, agreement=None, sample_m=None, options=replace(plan.options, triangulation=triangulation),
+    )  # fmt: skip
+    part = measure(part_plan, 0, detections.n_frames)
+    points: dict[LayerName, np.ndarray] = {"measured": np.asarray(part.layers["measured"].points_m)}
+    if plan.solver is not None:
+        points["solved"] = _solved(plan.solver, part_plan, part, span)
+    if bodies is not None:
+        try:
+            points["model"] = bodies.points(rig, detections, tracks, noise)
+        except PosefuseError:
+            points["model"] = np.full_like(points["measured"], np.nan)
+    return points
+
+
+def _others(rig: CameraRig, view: int) -> tuple[CameraRig, np.ndarray]:
+    """Return the rig without a view, and the indices of the other views."""
+    others = np.flatnonzero(np.arange(len(rig)) != view)
+    return rig.select(rig.names[i] for i in others), others
+
+
+def _solved(solver: LayerSolver, plan: Plan, part: Reconstruction, span: Span) -> np.ndarray:
+    """Return the solved points of a measured part, in which a view is missing."""
+    layer = part.layers["measured"]
+    for step in solver.steps:
+        step = step.frames(span.first, span.last).with_views(plan.rig, plan.detections, plan.noise)
+        layer = step.apply(FrameWindow(part, 0, 0, part.n_frames), layer)
+    return np.asarray(layer.points_m)
+
+
+def _scores(errors: dict[LayerName, np.ndarray]) -> tuple[LayerScore, ...]:
+    """Return the scores of the layers over the points that all of them have, unless one has too few."""
+    shares: dict[LayerName, float] = {name: _share(errors["measured"], each) for name, each in errors.items()}
+    complete: list[LayerName] = [name for name in shares if LayerScore(name, 1.0, 1.0, shares[name]).is_complete]
+    shared = np.all([np.isfinite(errors[name]) for name in complete], axis=0)
+    scores = []
+    for name in LAYERS:
+        if name in errors:
+            known = errors[name][shared & np.isfinite(errors[name])]
+            median, mean = (float(np.median(known)), float(known.mean())) if known.size else (np.nan, np.nan)
+            scores.append(LayerScore(name, median, mean, shares[name]))
+    return tuple(scores)
+
+
+def _share(measured: np.ndarray, other: np.ndarray) -> float:
+    """Return which share of the measured points a layer has.
+
+    A body that was not found in part of the sample does not count there: in the recording, it is tracked from earlier
+    frames and all views. One that was not found in most of it is not judged.
+    """
+    has, expected = np.isfinite(other), np.isfinite(measured)
+    found = expected & has.any(axis=-1, keepdims=True)
+    if 2 * found.sum() < expected.sum():
+        return 0.0
+    return float((has & found).sum() / max(found.sum(), 1))
