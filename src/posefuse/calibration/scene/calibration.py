@@ -12,23 +12,20 @@ import numpy as np
 from posefuse.calibration.boards.parameters import OFFSET
 from posefuse.calibration.scene.first_pose import MIN_POINTS, distant_poses, first_poses
 from posefuse.calibration.scene.held_out import HeldOutPoints, held_out_points, too_few
+from posefuse.calibration.scene.noise import PlaceNoise, place_noise
 from posefuse.calibration.scene.view import (
-    STUDENT_T_DOF,
     KnownLens,
     SceneView,
+    covariance_of,
     descend,
     errors_px,
     view_of,
-    weighted_normal,
 )
 from posefuse.calibration.stated_covariance import POSE_AND_LENS, largest_sd
 from posefuse.errors import CalibrationError
 from posefuse.model.camera_covariance import CameraCovariance, parameter_names
 from posefuse.model.cameras import CameraRig
 from posefuse.model.scene_points import ScenePoints
-
-_CLICK_PX = 1.0
-"""Expected error of a place that was measured in an image; it counts as four observations."""
 
 _SCALE_STEPS = 4
 _START_PX = 20.0
@@ -112,11 +109,11 @@ def calibrate_by_scene(lenses: tuple[KnownLens, ...], scene: ScenePoints) -> Sce
             f"No camera can be located: {left_out[0][0]!r} {left_out[0][1]}. Measure at least {MIN_POINTS} points in "
             "the image of each camera, spread over the image and not on a line."
         )
-    sd_px = _START_PX
+    noise = PlaceNoise(_START_PX, _START_PX)
     for _ in range(_SCALE_STEPS):
-        views = [descend(view, sd_px) for view in views]
-        sd_px = _noise(views, sd_px)
-    return _summary([descend(view, sd_px) for view in views], used, sd_px, scene, tuple(left_out))
+        views = [descend(view, noise.scale_px) for view in views]
+        noise = place_noise(views, noise.scale_px)
+    return _summary([descend(view, noise.scale_px) for view in views], used, noise, scene, tuple(left_out))
 
 
 def _first(view: SceneView) -> SceneView:
@@ -130,8 +127,8 @@ def _first(view: SceneView) -> SceneView:
     for starts in (first_poses, lambda camera, points_m, _: distant_poses(camera, points_m)):
         for camera in starts(view.camera, view.points_m, view.pixels):
             candidate = replace(view, camera=camera)
-            for sd_px in (10.0 * _START_PX, _START_PX):
-                candidate = descend(candidate, sd_px)
+            for scale_px in (10.0 * _START_PX, _START_PX):
+                candidate = descend(candidate, scale_px)
             cost = candidate.cost(_START_PX)
             if best is None or cost < best[0]:
                 best = cost, candidate
@@ -144,21 +141,10 @@ def _first(view: SceneView) -> SceneView:
     )
 
 
-def _noise(views: list[SceneView], sd_px: float) -> float:
-    """Return the standard deviation of a coordinate, from the weighted residuals of all cameras."""
-    total, count = 4.0 * _CLICK_PX**2, 4.0
-    for view in views:
-        squared = (view.rows()[0] ** 2).sum(axis=1)
-        weight = (STUDENT_T_DOF + 2.0) / (STUDENT_T_DOF + squared / sd_px**2)
-        total += float((weight * squared).sum())
-        count += 2.0 * len(squared) - 6.0
-    return float(np.sqrt(total / count))
-
-
 def _summary(
     views: list[SceneView],
     used: list[KnownLens],
-    sd_px: float,
+    noise: PlaceNoise,
     scene: ScenePoints,
     left_out: tuple[tuple[str, str], ...],
 ) -> SceneCalibration:
@@ -166,7 +152,7 @@ def _summary(
     reports, covariances = [], []
     joint = np.zeros((len(views), POSE_AND_LENS, len(views), POSE_AND_LENS))
     for v, (view, lens) in enumerate(zip(views, used, strict=True)):
-        covariance = np.linalg.pinv(weighted_normal(view, sd_px)[0], rcond=1e-14, hermitian=True)
+        covariance = covariance_of(view, noise.sd_px)
         free = np.flatnonzero(view.free[:OFFSET])
         joint[v, free[:, None], v, free] = covariance
         worst = [largest_sd(covariance[k : k + 3, k : k + 3]) for k in (0, 3)]
@@ -192,11 +178,11 @@ def _summary(
     return SceneCalibration(
         rig=rig,
         cameras=tuple(reports),
-        sd_px=sd_px,
+        sd_px=noise.sd_px,
         error_px=float(np.sqrt(np.mean(all_errors**2))),
         points_m=scene.points_m,
         places_px=np.stack([scene.pixels[view.camera.name] for view in views]),
-        held_out=held_out_points(views, scene, sd_px),
+        held_out=held_out_points(views, scene, noise),
         joint_covariance=joint,
         left_out=left_out,
     )

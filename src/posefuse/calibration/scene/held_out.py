@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from posefuse.calibration.scene.first_pose import MIN_POINTS, lie_on_a_line
-from posefuse.calibration.scene.view import SceneView, descend, errors_px, weighted_normal
+from posefuse.calibration.scene.noise import PlaceNoise
+from posefuse.calibration.scene.view import SceneView, covariance_of, descend, errors_px
 from posefuse.model.scene_points import ScenePoints
 
 
@@ -25,13 +26,13 @@ class HeldOutPoints:
     sds: np.ndarray
 
 
-def held_out_points(views: Sequence[SceneView], scene: ScenePoints, sd_px: float) -> HeldOutPoints:
+def held_out_points(views: Sequence[SceneView], scene: ScenePoints, noise: PlaceNoise) -> HeldOutPoints:
     """Return the predictions of all points in all cameras.
 
     Args:
         views: the cameras at their estimated poses, with the points that they show in the order of the scene.
         scene: the points.
-        sd_px: standard deviation of a measured place, per coordinate.
+        noise: errors of measured places.
     """
     error_px = np.full((len(views), len(scene.points_m)), np.nan)
     sds = error_px.copy()
@@ -43,10 +44,10 @@ def held_out_points(views: Sequence[SceneView], scene: ScenePoints, sd_px: float
                 continue
             rest = replace(view, points_m=view.points_m[others], pixels=view.pixels[others])
             predicted = replace(
-                view, camera=descend(rest, sd_px).camera, points_m=view.points_m[[k]], pixels=view.pixels[[k]]
+                view, camera=descend(rest, noise.scale_px).camera, points_m=view.points_m[[k]], pixels=view.pixels[[k]]
             )
             error_px[v, point] = errors_px(predicted)[0]
-            sds[v, point] = _sds(predicted, rest, sd_px)
+            sds[v, point] = _sds(predicted, rest, noise.sd_px)
     return HeldOutPoints(error_px, sds)
 
 
@@ -54,8 +55,8 @@ def _sds(predicted: SceneView, rest: SceneView, sd_px: float) -> float:
     """Return the distance of a predicted place from the measured one in its standard deviations."""
     residual, derivatives = predicted.rows()
     by_free = derivatives[0][:, rest.free]
-    matrix = weighted_normal(replace(rest, camera=predicted.camera), sd_px)[0]
-    covariance = sd_px**2 * np.eye(2) + by_free @ np.linalg.pinv(matrix, rcond=1e-14, hermitian=True) @ by_free.T
+    pose = covariance_of(replace(rest, camera=predicted.camera), sd_px)
+    covariance = sd_px**2 * np.eye(2) + by_free @ pose @ by_free.T
     return float(np.sqrt(residual[0] @ np.linalg.solve(covariance, residual[0])))
 
 

@@ -55,9 +55,9 @@ class SceneView:
         residual = np.where((parts.squared > 1e7)[:, None], self.camera.size_px[0], parts.residual)
         return residual, derivatives
 
-    def cost(self, sd_px: float) -> float:
+    def cost(self, scale_px: float) -> float:
         """Return the negative log-posterior, up to a constant."""
-        squared = (self.rows()[0] ** 2).sum(axis=1) / sd_px**2
+        squared = (self.rows()[0] ** 2).sum(axis=1) / scale_px**2
         away = lens_values(self.camera) - self.start
         return float(
             0.5 * (STUDENT_T_DOF + 2.0) * np.log1p(squared / STUDENT_T_DOF).sum() + 0.5 * away @ self.precision @ away
@@ -82,10 +82,10 @@ def errors_px(view: SceneView) -> np.ndarray:
     return np.linalg.norm(view.rows()[0], axis=1)
 
 
-def weighted_normal(view: SceneView, sd_px: float) -> tuple[np.ndarray, np.ndarray]:
+def weighted_normal(view: SceneView, scale_px: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the weighted normal matrix and gradient of the free parameters."""
     residual, derivatives = view.rows()
-    weight = (STUDENT_T_DOF + 2.0) / (STUDENT_T_DOF + (residual**2).sum(axis=1) / sd_px**2) / sd_px**2
+    weight = (STUDENT_T_DOF + 2.0) / (STUDENT_T_DOF + (residual**2).sum(axis=1) / scale_px**2) / scale_px**2
     free = view.free
     by_free = derivatives[:, :, free]
     matrix = np.einsum("n,nij,nik->jk", weight, by_free, by_free) + view.precision[np.ix_(free, free)]
@@ -93,16 +93,23 @@ def weighted_normal(view: SceneView, sd_px: float) -> tuple[np.ndarray, np.ndarr
     return matrix, np.einsum("n,nij,ni->j", weight, by_free, residual) + (view.precision @ away)[free]
 
 
-def descend(view: SceneView, sd_px: float) -> SceneView:
-    """Run Levenberg-Marquardt at a fixed noise."""
-    damping, cost = 1e-3, view.cost(sd_px)
+def covariance_of(view: SceneView, sd_px: float) -> np.ndarray:
+    """Return the covariance of the free parameters for places of a standard deviation, shape (free, free)."""
+    by_free = view.rows()[1][:, :, view.free]
+    matrix = np.einsum("nij,nik->jk", by_free, by_free) / sd_px**2 + view.precision[np.ix_(view.free, view.free)]
+    return np.linalg.pinv(matrix, rcond=1e-14, hermitian=True)
+
+
+def descend(view: SceneView, scale_px: float) -> SceneView:
+    """Run Levenberg-Marquardt at a fixed scale of the errors."""
+    damping, cost = 1e-3, view.cost(scale_px)
     for _ in range(_MAX_STEPS):
-        matrix, gradient = weighted_normal(view, sd_px)
+        matrix, gradient = weighted_normal(view, scale_px)
         damped = matrix + damping * np.diag(np.diag(matrix))
         change = np.zeros(N_PARAMETERS)
         change[view.free] = np.linalg.lstsq(damped, -gradient, rcond=1e-14)[0]
         candidate = replace(view, camera=changed(view.camera, change))
-        new_cost = candidate.cost(sd_px)
+        new_cost = candidate.cost(scale_px)
         if new_cost < cost:
             gain, view, cost, damping = cost - new_cost, candidate, new_cost, max(damping / 5.0, 1e-9)
             if gain < 1e-10 * (1.0 + cost):

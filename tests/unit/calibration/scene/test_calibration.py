@@ -53,6 +53,17 @@ def test_errors_agree_with_the_covariance():
     assert 4.0 < np.mean(squared) < 9.0
 
 
+def test_errors_agree_with_the_covariance_if_places_are_worse_than_expected():
+    rig = board_rig(4)
+    squared = []
+    for seed in range(10):
+        result = calibrate_by_scene(lenses_of(rig), scene_of(rig, SOLID, 3.0, seed))
+        for found, truth, known in zip(result.rig.cameras, rig.cameras, result.rig.covariances, strict=True):
+            error = errors_of(found, truth)
+            squared.append(error @ np.linalg.solve(known.matrix, error))
+    assert 4.0 < np.mean(squared) < 7.5
+
+
 def test_uncertain_lens_widens_the_intervals():
     rig = board_rig(1)
     covariance = np.diag([20.0, 20.0, 10.0, 10.0, *[0.0] * 8]) ** 2
