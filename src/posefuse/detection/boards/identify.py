@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from posefuse.detection.boards.detector import MARKER_FAMILIES, smallest_dictionary
-from posefuse.detection.boards.layout import FITS, MAX_COLUMNS, count_rows, layout_misfit
+from posefuse.detection.boards.layout import FITS, MAX_COLUMNS, count_rows, fitting_markers, layout_misfit
 from posefuse.detection.boards.library import dictionary_of, import_opencv
 from posefuse.model.board import APRILTAG_DICTIONARIES, ARUCO_DICTIONARIES, Board, BoardKind
 
@@ -23,6 +23,8 @@ _CORNERS_PX = 960
 _SEARCHED_SIDE, _SMALLEST_SIDE, _MIN_CORNERS = 3, 4, 20
 """Fewest inner corners of a checkerboard: 4 x 3 of them were found on a tiled floor."""
 _MOST_FITTED = 3
+_FITTING_SHARE = 0.7
+"""Least share of an image's markers that are on the board."""
 _MARKERS = (0.5, 0.6, 0.7, 0.75, 0.8, 0.9)
 _GAPS = (0.1, 0.2, 0.3, 0.5, 1.0)
 _ROUNDED = 0.021
@@ -135,8 +137,19 @@ def _fit_layout(cv2: Any, family: str, seen: list[_Markers]) -> IdentifiedBoard 
     def misfit(board: Board, columns: int) -> float:
         return float(np.mean([layout_misfit(cv2, board, columns, m.numbers, m.corners_px) for m in most]))
 
+    def n_fitting(board: Board, columns: int) -> int:
+        return int(fitting_markers(cv2, board, columns, most[0].numbers, most[0].corners_px).sum())
+
     candidates = [(board, columns) for board in _candidates(family) for columns in range(2, MAX_COLUMNS + 1)]
     best, columns = min(candidates, key=lambda each: misfit(*each))
+    if not misfit(best, columns) < FITS:
+        # A pattern of the room may be taken for a marker.
+        best, columns = max(candidates, key=lambda each: n_fitting(*each))
+    fitting = [(m, fitting_markers(cv2, best, columns, m.numbers, m.corners_px)) for m in seen]
+    seen = [_Markers(m.numbers[own], m.corners_px[own]) for m, own in fitting if own.sum() >= _least_fitting(m)]
+    if not seen:
+        return None
+    most = sorted(seen, key=lambda markers: -len(markers.numbers))[:_MOST_FITTED]
     if not misfit(best, columns) < FITS:
         return None
     shares = [round(0.01 * hundredth, 2) for hundredth in range(5, 100 if best.kind == "charuco" else 200)]
@@ -148,6 +161,11 @@ def _fit_layout(cv2: Any, family: str, seen: list[_Markers]) -> IdentifiedBoard 
     rows += rows % 2 if best.legacy else 0
     dictionary = smallest_dictionary(family, max(highest, columns * rows // 2 - 1))
     return IdentifiedBoard(best.kind, columns, rows, dictionary, legacy=best.legacy, share=share, n_images=len(seen))
+
+
+def _least_fitting(markers: _Markers) -> int:
+    """Return how many markers of an image are on the board, if it shows one."""
+    return max(_MIN_MARKERS, round(_FITTING_SHARE * len(markers.numbers)))
 
 
 def _candidates(family: str) -> list[Board]:

@@ -13,6 +13,8 @@ _MIN_MARKERS = 5
 FITS, _DOES_NOT_FIT = 0.06, 0.2
 """Root mean square distances of marker corners from a flat board, as shares of a marker's side."""
 
+_MOST_SAMPLES = 50
+"""Largest number of samples of four corners from which a board is fitted if some markers are not on it."""
 _DRAWN_MARKER, _DRAWN_GAP = 0.5, 1.0
 
 _SIZE_STEPS = (-1, 1, -2, 2, -3, 3)
@@ -63,19 +65,40 @@ def count_rows(board: Board, columns: int, numbers: np.ndarray) -> int:
 
 def layout_misfit(cv2: Any, board: Board, columns: int, numbers: np.ndarray, pixels: np.ndarray) -> float:
     """Return how far the markers are from those of a flat board with some columns, as a share of a marker's side."""
+    error = _corner_errors(cv2, board, columns, numbers, pixels, robust=False)
+    return float("inf") if error is None else float(np.sqrt(np.mean(error**2)))
+
+
+def fitting_markers(cv2: Any, board: Board, columns: int, numbers: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """Return which markers are on a flat board with some columns, shape (marker,), bool.
+
+    Patterns of a room that are taken for markers are not.
+    """
+    error = _corner_errors(cv2, board, columns, numbers, pixels, robust=True)
+    if error is None:
+        return np.zeros(len(numbers), dtype=bool)
+    return np.asarray(error.max(axis=1) < 2.0 * FITS)
+
+
+def _corner_errors(
+    cv2: Any, board: Board, columns: int, numbers: np.ndarray, pixels: np.ndarray, *, robust: bool
+) -> np.ndarray | None:
+    """Return the distances of the corners from a flat board as shares of a marker's side, shape (marker, 4)."""
     places = _places(cv2, board, columns, int(numbers.max()))
     if places is None:
-        return float("inf")
+        return None
     flat, image = places[numbers].reshape(-1, 2), pixels.reshape(-1, 2)
-    found, _ = cv2.findHomography(flat, image, 0)
+    side = max(float(np.median(np.linalg.norm(np.diff(pixels, axis=1), axis=2))), 1e-9)
+    if robust:
+        found, _ = cv2.findHomography(flat, image, cv2.RANSAC, FITS * side, maxIters=_MOST_SAMPLES)
+    else:
+        found, _ = cv2.findHomography(flat, image, 0)
     if found is None:
-        return float("inf")
+        return None
     projected = np.concatenate([flat, np.ones((len(flat), 1))], axis=1) @ found.T
     with np.errstate(divide="ignore", invalid="ignore"):
-        error = np.linalg.norm(projected[:, :2] / projected[:, 2:] - image, axis=1)
-    side = float(np.median(np.linalg.norm(np.diff(pixels, axis=1), axis=2)))
-    error = np.where(np.isfinite(error), error, np.inf)
-    return float(np.sqrt(np.mean(error**2))) / max(side, 1e-9)
+        error = np.linalg.norm(projected[:, :2] / projected[:, 2:] - image, axis=1) / side
+    return np.where(np.isfinite(error), error, np.inf).reshape(-1, 4)
 
 
 def _places(cv2: Any, board: Board, columns: int, highest: int) -> np.ndarray | None:

@@ -1,5 +1,6 @@
 """Identification of unknown boards."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -29,6 +30,23 @@ def test_the_dictionary_is_the_smallest_one_that_has_the_markers():
     found = identify_board([picture(read_board_spec("charuco:12x9,square=40mm,dict=4X4_1000"), 1000.0)])
     assert found is not None
     assert found.dictionary == "4X4_100"
+
+
+def test_patterns_of_the_room_are_not_markers_of_the_board():
+    """One of them would change the number of rows, or hide the board, if it were."""
+    spec = SPECS[0]
+    marker = cv2.aruco.generateImageMarker(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_100), 93, 24)
+    shown = np.pad(picture(read_board_spec(spec), 1000.0), 60, constant_values=200)
+    disturbed = shown.copy()
+    disturbed[9:45, 9:45] = 255
+    disturbed[15:39, 15:39] = marker
+    partly = disturbed.copy()
+    partly[60:220] = 200
+    for images in ([disturbed], [shown, shown, shown, partly]):
+        found = identify_board(images)
+        assert found is not None
+        assert found.spec("60mm") == spec
+        assert found.n_images == len(images)
 
 
 def test_images_without_a_board():
