@@ -46,6 +46,8 @@ class RigOptions:
         max_offset_s: maximum time between the starts of two cameras.
         swap_share: fraction of the frames of one view in which left and right are swapped.
         lens: lens of the cameras.
+        principal_sd: standard deviation of the principal point along each axis around the middle of the image, relative
+            to the width of the image.
         noise: factor of the detection errors.
         unrelated: whether the last camera films another person elsewhere.
         skeleton: keypoint set.
@@ -60,6 +62,7 @@ class RigOptions:
     max_offset_s: float = 0.0
     swap_share: float = 0.0
     lens: LensKind = "pinhole"
+    principal_sd: float = 0.0
     noise: float = 1.0
     unrelated: bool = False
     skeleton: str = "halpe_26"
@@ -89,7 +92,7 @@ def simulate_rig(options: RigOptions) -> CalibrationCase:
     rng = np.random.default_rng([options.seed, 23])
     skeleton = find_skeleton(options.skeleton)
     rig = build_rig(options.layout, options.cameras, options.lens)
-    cameras = [placed(camera, rng) for camera in rig.cameras]
+    cameras = _off_center([placed(camera, rng) for camera in rig.cameras], options)
     if options.unrelated:
         cameras[-1] = _elsewhere(cameras[-1])
     half = 0.5 * options.max_offset_s
@@ -111,6 +114,18 @@ def simulate_rig(options: RigOptions) -> CalibrationCase:
     unrelated = (cameras[-1].name,) if options.unrelated else ()
     case = CalibrationCase("simulated", detections, rig, offset_s, rates_hz, unrelated)
     return shuffled(case, options.seed)
+
+
+def _off_center(cameras: list[Camera], options: RigOptions) -> list[Camera]:
+    """Return the cameras with principal points off the middles of their images."""
+    if options.principal_sd == 0.0:
+        return cameras
+    rng, out = np.random.default_rng([options.seed, 25]), []
+    for camera in cameras:
+        matrix = np.array(camera.matrix)
+        matrix[:2, 2] += options.principal_sd * camera.size_px[0] * rng.standard_normal(2)
+        out.append(replace(camera, matrix=matrix))
+    return out
 
 
 def _elsewhere(camera: Camera) -> Camera:

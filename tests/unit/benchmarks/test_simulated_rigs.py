@@ -81,3 +81,12 @@ def test_camera_without_focal_length_keeps_only_the_image_size():
     guess = without_focal(camera)
     assert guess.matrix[0, 0] == max(camera.size_px)
     assert guess.matrix[:2, 2].tolist() == [(side - 1) / 2 for side in camera.size_px]
+
+
+def test_principal_points_have_the_stated_spread_and_nothing_else_changes():
+    many = replace(FEW, cameras=12)
+    plain, moved = simulate_rig(many).rig, simulate_rig(replace(many, principal_sd=0.01)).rig
+    away = np.array([b.matrix[:2, 2] - a.matrix[:2, 2] for a, b in zip(plain.cameras, moved.cameras, strict=True)])
+    assert np.sqrt(np.square(away).mean()) == pytest.approx(0.01 * plain.cameras[0].size_px[0], rel=0.4)
+    for a, b in zip(plain.cameras, moved.cameras, strict=True):
+        np.testing.assert_array_equal(a.camera_from_world, b.camera_from_world)

@@ -17,6 +17,7 @@ from posefuse.calibration.joint.triangulated import student_t_weights, triangula
 from posefuse.calibration.joint.velocities import support_frames
 from posefuse.kernels.calibration.joint import (
     FOCAL,
+    PRINCIPAL,
     joint_rows,
     second_derivatives,
 )
@@ -42,7 +43,8 @@ class Rows:
         weight: shape (point, view): Student-t weights, 0 where not seen.
         scale: shape (view,): noise of each view as a multiple of the expected noise.
         sigma: shape (point, view): noise in the normalized image plane.
-        cameras: rotations, shape (view, 3, 3), centers, shape (view, 3), and radial distortion, shape (view,).
+        cameras: rotations, shape (view, 3, 3), centers, shape (view, 3), and lenses, shape (view, 2), as in
+            :attr:`posefuse.calibration.joint.parameters.JointParameters.lens`.
         velocity_m_s: shape (point, 3): velocities, 0 if most of their variance is error.
         velocity_noise: variance of the errors of velocities, in units of the noise, 1/s^2.
     """
@@ -129,7 +131,7 @@ def linearize(
     n = len(xy)
     residual, by_point = np.empty((n, n_views, 2)), np.empty((n, n_views, 2, 3))
     by_view = np.empty((n, n_views, 2, parameters.size))
-    cameras = *cameras, np.zeros(n_views) if parameters.radial is None else parameters.radial
+    cameras = *cameras, parameters.lens
     motion = velocity, np.repeat(time_s[at], points.shape[1])
     joint_rows(xy, sigma, cameras, points[at].reshape(-1, 3), motion, residual, by_view, by_point)
     seen = np.asarray(by_point.any(axis=(2, 3)))
@@ -296,10 +298,11 @@ def _second_derivatives(rows: Rows, scores: np.ndarray) -> tuple[np.ndarray, np.
     motion = (rows.velocity_m_s, when)
     second_derivatives(scores, rows.sigma, rows.cameras[:2], points, motion, by_view, mixed, by_points)
     if each > FOCAL:
-        # A projection is proportional to the focal length.
-        both = np.einsum("nvk,nvkp->vp", scores, rows.by_view)
-        by_view[:, FOCAL] -= both
-        by_view[:, :FOCAL, FOCAL] -= both[:, :FOCAL]
+        # A projection relative to the principal point is proportional to the focal length.
+        both = np.einsum("nvk,nvkp->vp", scores, rows.by_view)[:, :PRINCIPAL]
+        by_view[:, FOCAL, :PRINCIPAL] -= both
+        by_view[:, :PRINCIPAL, FOCAL] -= both
+        by_view[:, FOCAL, FOCAL] += both[:, FOCAL]
         mixed[..., FOCAL] -= np.einsum("nvk,nvki->niv", scores, rows.by_point)
     return by_view, mixed, by_points
 

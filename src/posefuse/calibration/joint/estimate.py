@@ -31,13 +31,13 @@ from posefuse.kernels.calibration.joint import FOCAL, VIEW_PARAMETERS
 
 PRIOR_SD = np.array([0.1] * 3 + [0.5] * 3 + [1.0, 5e-3])
 """Standard deviations of a weak prior in rad, m, s and s/s; keeps parameters finite that the data do not determine."""
-LARGEST_SD = np.array([0.1] * 3 + [0.5] * 3 + [0.1, 1e-4, 0.1, 0.1])
+LARGEST_SD = np.array([0.1] * 3 + [0.5] * 3 + [0.1, 1e-4, 0.1, 0.1, 0.1, 0.1])
 """Largest standard deviations of changes that count as determined."""
 _END_S = 1.1
 """Time at which end effects double the variance of a clock: velocities at the ends are unknown (measured)."""
 _MAX_STEPS = 40
 _CONVERGED = 0.03
-_MAX_CHANGE = np.array([0.1] * 3 + [0.3] * 3 + [0.1, 0.01, 0.1, 0.1])
+_MAX_CHANGE = np.array([0.1] * 3 + [0.3] * 3 + [0.1, 0.01, 0.1, 0.1, 0.1, 0.1])
 _MAX_VALUES = 12_000_000
 _MIN_SPACING_S = 0.08
 MAX_SAMPLES = 300
@@ -52,9 +52,10 @@ class JointEstimate:
         names: names of the cameras.
         parameters: poses and clocks, and focal lengths unless these are fixed.
         change: shape (view, parameter): change of each view from the calibration: rotation about its own axes in
-            rad, shift of its center in m, time offset in s in the middle of the recording, drift in s/s, and the
-            logarithm of the focal length unless it is fixed.
+            rad, shift of its center in m, time offset in s in the middle of the recording, drift in s/s, and, unless
+            lenses are fixed, the logarithm of the focal length, radial distortion, and two of the principal point.
         covariance: shape (view * parameter, view * parameter): of the changes.
+        response: shape (view * parameter, view * parameter): errors of the changes by those of the score.
         information: shape (free, free): what the keypoints alone tell about the changes in the basis, without prior.
         evidence_score: shape (free,): ``information`` times the most likely changes.
         basis: shape (view * parameter, free): directions that the data can determine.
@@ -68,6 +69,7 @@ class JointEstimate:
     parameters: JointParameters
     change: np.ndarray
     covariance: np.ndarray
+    response: np.ndarray
     information: np.ndarray
     evidence_score: np.ndarray
     basis: np.ndarray
@@ -111,7 +113,8 @@ def estimate(
         start: parameters to start from; by default the calibration.
         max_samples: largest number of frames to use.
         prior: prior of the changes, or its standard deviations, shape (view, parameter); by default :data:`PRIOR_SD`.
-            With parameters for the logarithm of the focal length and the radial distortion, lenses are estimated too.
+            With parameters for the logarithm of the focal length, the radial distortion and the principal point, lenses
+            are estimated too.
         frames: shape (sample,): frames to use, ascending; by default evenly spaced ones.
         known: what is known of the poses of the recording's cameras in addition; it determines the scale.
     """
@@ -154,7 +157,7 @@ def with_known_poses(prior: Prior, known: KnownPoses | None) -> Prior:
 def _calibrated(recording: JointRecording, size: int) -> JointParameters:
     """Return the calibrated poses and correct clocks, with or without focal lengths."""
     still = np.zeros(recording.n_views)
-    lens = (still, still) if size > FOCAL else (None, None)
+    lens = (still, still, np.zeros((recording.n_views, 2))) if size > FOCAL else ()
     return JointParameters(recording.rotation, recording.center_m, still, still, *lens)
 
 
@@ -204,6 +207,7 @@ def _finish(
         parameters,
         change,
         covariance * inflated * inflated[:, None],
+        inflated[:, None] * spread,
         *told,
         basis,
         projection,

@@ -90,8 +90,10 @@ class KnownPoses:
 
     def matrix(self, size: int) -> np.ndarray:
         """Return the inverse covariance of the first ``size`` parameters of each view, shape (view * size,) twice."""
-        n = len(self.precision)
-        return self.precision[:, :size, :, :size].reshape(n * size, n * size)
+        n, own = len(self.precision), min(size, self.precision.shape[1])
+        out = np.zeros((n, size, n, size))
+        out[:, :own, :, :own] = self.precision[:, :own, :, :own]
+        return out.reshape(n * size, n * size)
 
 
 def _split(rig: CameraRig) -> tuple[np.ndarray, np.ndarray, list[tuple[str, ...]]]:

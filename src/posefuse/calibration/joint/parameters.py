@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.kernels.calibration.joint import FOCAL, RADIAL, VIEW_PARAMETERS, undistort_radial
+from posefuse.kernels.calibration.joint import FOCAL, PRINCIPAL, RADIAL, VIEW_PARAMETERS, undistort_radial
 from posefuse.model.cameras import rotation_from_vector, vector_from_rotation
 
 
@@ -21,6 +21,7 @@ class JointParameters:
             if all lenses are fixed.
         radial: shape (view,): first coefficient of radial distortion of the recording's coordinates; None if all
             lenses are fixed.
+        principal: shape (view, 2): principal point in the recording's coordinates; None if all lenses are fixed.
     """
 
     rotation: np.ndarray
@@ -29,11 +30,21 @@ class JointParameters:
     drift: np.ndarray
     log_focal: np.ndarray | None = None
     radial: np.ndarray | None = None
+    principal: np.ndarray | None = None
 
     @property
     def size(self) -> int:
         """Return the number of parameters of each view."""
-        return VIEW_PARAMETERS + (self.log_focal is not None) + (self.radial is not None)
+        lens = (self.log_focal is not None) + (self.radial is not None) + 2 * (self.principal is not None)
+        return VIEW_PARAMETERS + lens
+
+    @property
+    def lens(self) -> np.ndarray:
+        """Return radial distortions and sizes of the ideal image planes, shape (view, 2)."""
+        n = len(self.rotation)
+        radial = np.zeros(n) if self.radial is None else self.radial
+        shorter = np.ones(n) if self.log_focal is None else np.exp(-self.log_focal)
+        return np.stack([radial, shorter], axis=1)
 
     def without_lens(self, xy: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return coordinates of the ideal camera of unit focal length, and their noise.
@@ -45,7 +56,8 @@ class JointParameters:
         if self.log_focal is None:
             return xy, sigma
         shorter = np.exp(-self.log_focal)
-        xy, sigma = xy * shorter[:, None], sigma * shorter
+        centered = xy if self.principal is None else xy - self.principal
+        xy, sigma = centered * shorter[:, None], sigma * shorter
         if self.radial is not None:
             undistort_radial(self.radial, xy.reshape(-1, *xy.shape[-2:]), sigma.reshape(-1, sigma.shape[-1]))
         return xy, sigma
@@ -60,6 +72,7 @@ class JointParameters:
             self.drift + change[:, 7],
             None if self.log_focal is None else self.log_focal + change[:, FOCAL],
             None if self.radial is None else self.radial + change[:, RADIAL],
+            None if self.principal is None else self.principal + change[:, PRINCIPAL : PRINCIPAL + 2],
         )
 
 
@@ -72,4 +85,6 @@ def difference(before: JointParameters, after: JointParameters) -> np.ndarray:
         columns.append((after.log_focal - before.log_focal)[:, None])
     if before.radial is not None and after.radial is not None:
         columns.append((after.radial - before.radial)[:, None])
+    if before.principal is not None and after.principal is not None:
+        columns.append(after.principal - before.principal)
     return np.concatenate(columns, axis=1)

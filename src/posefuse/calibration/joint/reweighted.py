@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from posefuse.calibration.joint.covariance import design_effect, score_covariance
-from posefuse.calibration.joint.equations import linearize, noise_scales, score_responses
+from posefuse.calibration.joint.equations import influences, linearize, noise_scales, score_responses
 from posefuse.calibration.joint.estimate import JointEstimate, with_known_poses
 from posefuse.calibration.joint.known_poses import KnownPoses
 from posefuse.calibration.joint.noise_law import NoiseLaw
@@ -33,7 +33,8 @@ def reweighted(
     """Return the estimate with the observations weighted by a working correlation.
 
     Clocks stay as they are, with their covariance: their equations contain velocities, which are measured from
-    neighboring frames and share errors with them.
+    neighboring frames and share errors with them. The covariance of the poses contains the errors of the clocks, which
+    the poses follow.
 
     Args:
         joint: estimate with equal weights.
@@ -44,15 +45,19 @@ def reweighted(
     """
     rows, parameters = joint.rows, joint.parameters
     n, size = parameters.offset_s.shape[0], parameters.size
-    kept = np.flatnonzero(~np.isin(np.arange(n * size) % size, _CLOCK))
+    is_clock = np.isin(np.arange(n * size) % size, _CLOCK)
+    kept, clocks = np.flatnonzero(~is_clock), np.flatnonzero(is_clock)
     working = working_law(joint.law) if working is None else working
     influence = correlated_influences(rows, recording.runs[rows.frames], working)
     rays = np.ascontiguousarray(influence[..., kept])
-    curvature = rays.reshape(-1, len(kept)).T @ score_responses(rows).reshape(-1, n * size)[:, kept]
+    responses = rays.reshape(-1, len(kept)).T @ score_responses(rows).reshape(-1, n * size)
+    curvature = responses[:, kept]
     basis, values, _ = np.linalg.svd(joint.basis[kept], full_matrices=False)
     basis = basis[:, values > 0.5]
     prior = with_known_poses(prior, known).part(kept)
-    scores = score_covariance(rays, rows, joint.law)
+    by_clocks = influences(rows) @ joint.response[clocks].T
+    scores = score_covariance(np.concatenate([rays, by_clocks], axis=-1), rows, joint.law)
+    shared, scores = scores[: len(kept), len(kept) :], scores[: len(kept), : len(kept)]
     curvature, scores, precision = (
         basis.T @ matrix @ basis for matrix in (0.5 * (curvature + curvature.T), scores, prior.precision)
     )
@@ -67,6 +72,7 @@ def reweighted(
         center_m=recording.center_m,
         log_focal=None if parameters.log_focal is None else np.zeros(n),
         radial=None if parameters.radial is None else np.zeros(n),
+        principal=None if parameters.principal is None else np.zeros((n, 2)),
     )
     delta = np.zeros(n * size)
     for _ in range(_STEPS):
@@ -75,14 +81,31 @@ def reweighted(
         delta[kept] = basis @ (spread @ (basis.T @ score - weight @ (basis.T @ (prior.precision @ away))))
         parameters = parameters.changed(delta.reshape(n, size))
         rows = linearize(recording, rows.frames, parameters, noise_scales(rows), rows.support_m)
-    covariance = joint.covariance.copy()
-    clocks = np.setdiff1d(np.arange(n * size), kept)
-    covariance[np.ix_(kept, clocks)], covariance[np.ix_(clocks, kept)] = 0.0, 0.0
-    spread = basis @ spread
-    covariance[np.ix_(kept, kept)] = spread @ (scores + weight @ precision @ weight.T) @ spread.T
+    inner = basis @ spread @ (scores + weight @ precision @ weight.T) @ spread.T @ basis.T
+    response = basis @ spread @ basis.T
+    covariance = with_clocks(joint.covariance, clocks, inner, response @ shared, -response @ responses[:, clocks])
     change = joint.change.ravel().copy()
     change[kept] = (joint.projection @ difference(calibrated, parameters).ravel())[kept]
     return replace(joint, parameters=parameters, change=change.reshape(n, size), covariance=covariance, rows=rows)
+
+
+def with_clocks(
+    covariance: np.ndarray, clocks: np.ndarray, fixed: np.ndarray, shared: np.ndarray, follow: np.ndarray
+) -> np.ndarray:
+    """Return the covariance of clocks and of other parameters that follow them.
+
+    Args:
+        covariance: shape (parameter, parameter): holds that of the clocks.
+        clocks: shape (clock,), int: their indices.
+        fixed: shape (other, other): covariance of the other parameters at exact clocks.
+        shared: shape (other, clock): covariance of these with the errors of the clocks, which have the same causes.
+        follow: shape (other, clock): derivatives of the other parameters by the clocks.
+    """
+    out, others = covariance.copy(), np.setdiff1d(np.arange(len(covariance)), clocks)
+    both = shared + follow @ covariance[np.ix_(clocks, clocks)]
+    out[np.ix_(others, clocks)], out[np.ix_(clocks, others)] = both, both.T
+    out[np.ix_(others, others)] = fixed + shared @ follow.T + follow @ both.T
+    return out
 
 
 def overstated(curvature: np.ndarray, scores: np.ndarray, precision: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,6 +11,8 @@ FOCAL = 8
 """Index of the logarithm of the focal length, which is a parameter only where it is not known."""
 RADIAL = 9
 """Index of the first coefficient of radial distortion, which is a parameter together with the focal length."""
+PRINCIPAL = 10
+"""Index of the first of two shifts of the principal point, which are parameters together with the distortion."""
 _MIN_DEPTH = 0.05
 _NEWTON_STEPS, _MIN_STEEPNESS, _EXACT = 8, 0.1, 1e-6
 
@@ -145,11 +147,12 @@ def joint_rows(xy, sigma, cameras, points, motion, residual, by_view, by_point):
     Args:
         xy: shape (point, view, 2): x/z and y/z, NaN where missing.
         sigma: shape (point, view): noise in that plane.
-        cameras: rotations, shape (view, 3, 3), centers, shape (view, 3), and radial distortion, shape (view,).
+        cameras: rotations, shape (view, 3, 3), centers, shape (view, 3), and lenses, shape (view, 2): radial
+            distortion, and size of the ideal image plane relative to that of the recording.
         points: shape (point, 3), NaN where unknown.
         motion: velocities in m/s, shape (point, 3), and time since the middle of the recording, shape (point,).
         residual: shape (point, view, 2), written: observed minus projected.
-        by_view: shape (point, view, 2, VIEW_PARAMETERS), or two more with the lens, written.
+        by_view: shape (point, view, 2, VIEW_PARAMETERS), or four more with the lens, written.
         by_point: shape (point, view, 2, 3), written.
     """
     rotation, center, lens = cameras
@@ -195,9 +198,15 @@ def joint_rows(xy, sigma, cameras, points, motion, residual, by_view, by_point):
                 by_view[n, v, axis, 7] = moving * time_s[n]
                 if by_view.shape[3] > FOCAL:
                     squared = (x * x + y * y) / (z * z)
-                    steep = 1.0 + 3.0 * lens[v] * squared
-                    by_view[n, v, axis, FOCAL] = slope * (1.0 + lens[v] * squared) / (steep * sigma[n, v])
+                    radial = lens[v, 0]
+                    steep, ratio = 1.0 + 3.0 * radial * squared, 1.0 + radial * squared
+                    by_view[n, v, axis, FOCAL] = slope * ratio / (steep * sigma[n, v])
                     by_view[n, v, axis, RADIAL] = slope * squared / (steep * sigma[n, v])
+                    if by_view.shape[3] > PRINCIPAL:
+                        shrink = lens[v, 1] / (ratio * sigma[n, v])
+                        bent = -2.0 * radial * slope * shrink / (steep * z)
+                        by_view[n, v, axis, PRINCIPAL] = bent * x + (shrink if axis == 0 else 0.0)
+                        by_view[n, v, axis, PRINCIPAL + 1] = bent * y + (shrink if axis == 1 else 0.0)
 
 
 @kernel

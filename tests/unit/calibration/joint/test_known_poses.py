@@ -76,3 +76,11 @@ def test_other_parameters_of_lenses_are_fixed_and_followed():
     both = KnownPoses.of(rig, np.arange(2), 4, LEAST) + KnownPoses.of(rig, np.array([2, 3]), 4, LEAST)
     assert both.other.shape == (4, 10, 12)
     assert both.other_parameters[6:].tolist() == [[2, 7], [2, 8], [2, 9], [3, 7], [3, 8], [3, 9]]
+
+
+def test_principal_points_are_not_known():
+    precision = KnownPoses.of(known_rig(), np.arange(3), 3, LEAST)
+    whole = precision.matrix(12).reshape(3, 12, 3, 12)
+    np.testing.assert_array_equal(whole[:, :10, :, :10].reshape(30, 30), precision.matrix(10))
+    assert not whole[:, 10:].any()
+    assert not whole[..., 10:].any()

@@ -68,3 +68,29 @@ def test_weights_follow_the_share_of_errors_that_persist(walk):
     joint = replace(joint, law=NoiseLaw(0.0))
     measured, fixed = (reweighted(joint, recording, prior, working) for working in (None, NoiseLaw(0.1)))
     assert np.median(measured.sd[:, :3]) < 0.99 * np.median(fixed.sd[:, :3])
+
+
+def test_errors_of_clocks_reach_the_poses(walk):
+    """Poses follow a clock that is off by 10 ms, and their covariance with uncertain clocks states it."""
+    recording = walk[0]
+    n = recording.n_views
+    prior = Prior.of_sds(np.tile(PRIOR_SD, (n, 1)))
+    joint = estimate(recording, prior=prior)
+    assert joint is not None
+    late = np.zeros((n, 8))
+    late[:, 6] = 0.01 * (np.arange(n) == 1) - 0.01 / n
+    ends = [
+        reweighted(replace(joint, parameters=joint.parameters.changed(sign * late)), recording, prior).change
+        for sign in (-0.5, 0.5)
+    ]
+    moved = (ends[1] - ends[0])[:, :6].ravel()
+    is_clock = np.tile(np.arange(8) >= 6, n)
+    uncertain = np.outer(late, late) + joint.covariance * ~np.outer(is_clock, is_clock)
+    nothing = np.where(is_clock[:, None], 0.0, joint.response)
+    again = reweighted(replace(joint, covariance=uncertain, response=nothing), recording, prior)
+    fixed = reweighted(replace(joint, covariance=uncertain - np.outer(late, late), response=nothing), recording, prior)
+    added = (again.covariance - fixed.covariance)[~is_clock][:, ~is_clock]
+    stated = np.sqrt(np.diag(added))
+    assert np.abs(moved).max() > np.radians(0.05)
+    np.testing.assert_allclose(stated, np.abs(moved), rtol=0.25, atol=0.1 * np.abs(moved).max())
+    assert np.linalg.eigvalsh(reweighted(joint, recording, prior).covariance)[0] > -1e-9
