@@ -88,7 +88,7 @@ def promote_tracks(
     for each in continue_tentative(pool.tracks, observations, lambda a, b: distance.distance(a, b, s)):
         pool.n_created += 1
         pool.tracks.append(TentativeTrack(pool.n_created, [each]))
-    promoted, remaining = [], []
+    promoted, waiting = [], []
     for each in pool.tracks:
         each.score = score.tentative_score(each, frame.time_s, frame.dt_s, s)
         min_age_s = score.min_age_s(each, s)
@@ -98,14 +98,16 @@ def promote_tracks(
             promotion = _promote(each, tracks, frame, single_view, setup)
         if promotion is not None:
             promoted.append(promotion)
-        elif not is_expired(each, frame.time_s, min_age_s, s):
-            remaining.append(each)
-    free_observations = [new for new in observations if not any(new is each.last for each in promoted)]
-    reacquired = _reacquire_lost(tracks, free_observations, frame, setup)
+        else:
+            waiting.append((each, is_expired(each, frame.time_s, min_age_s, s)))
+    shown = [each for each, _ in waiting if each.observations[-1].time_s == frame.time_s]
+    reacquired = _reacquire_lost(tracks, shown, frame, setup)
     promoted += reacquired
     pool.tracks = [
-        each for each in remaining if not any(each.observations[-1] is other.last for other in reacquired)
-    ]  # fmt: skip
+        each
+        for each, expired in waiting
+        if not expired and not any(each.observations[-1] is other.last for other in reacquired)
+    ]
     rows, used = _extended(outcome, promoted)
     events = [
         Event(frame.frame.number, frame.time_s, each.name, kind, reason)
@@ -236,26 +238,30 @@ def _activate(track: Track, last: Observation, frame: FrameInput, setup: Tracker
 
 
 def _reacquire_lost(
-    tracks: TrackSet, observations: list[Observation], frame: FrameInput, setup: TrackerSetup
+    tracks: TrackSet, tentative: list[TentativeTrack], frame: FrameInput, setup: TrackerSetup
 ) -> list[_Promotion]:
     """Re-acquire lost tracks by proposals of this frame, without the confirmation of a new track.
 
     Args:
         tracks: Updated in place: confirmed tracks.
-        observations: Proposals that no other track uses.
+        tentative: Tentative tracks that a proposal of this frame started or continued.
         frame: The frame.
         setup: Setup of the tracker.
     """
     s, reacquired = setup.settings, []
-    for match, observation in setup.strategy.distance.find_reacquired(tracks.tracks, tracks.state, observations, s):
-        state, _, error = setup.strategy.initiation.fit(TentativeTrack(0, [observation]), s)
+    lost = tracks.is_in_state(TrackState.LOST)
+    if not tentative or not lost.any():
+        return []
+    for match, found in setup.strategy.distance.find_reacquired(tracks.tracks, tracks.state, tentative, s):
+        state, past, error = setup.strategy.initiation.fit(found, s)
+        last = found.observations[-1]
         if not error <= s.options.initiation.max_error_sigma or _is_occupied(state, tracks, setup):
             continue
         restore_track(tracks.state, match.track, state, s)
         tracks.reset_history(match.track, s)
-        track = _activate(tracks.tracks[match.track], observation, frame, setup)
+        track = _activate(tracks.tracks[match.track], last, frame, setup)
         events: list[tuple[EventKind, str]] = [("reacquired", match.reason)]
-        reacquired.append(_Promotion(match.track, track.number, track.name, [], observation, events, True))
+        reacquired.append(_Promotion(match.track, track.number, track.name, past, last, events, True))
     return reacquired
 
 

@@ -53,15 +53,13 @@ def find_lost_track(
     """
     options = settings.options.reidentification
     closed = population_is_known(tracks, settings)
-    odds = {}
+    odds, age_s = {}, settings.options.initiation.min_age_s
     for p, track in enumerate(tracks):
         absent = time_s - track.last_seen_s > options.min_absence_share * (time_s - since_s)
         if track.state == TrackState.LOST or absent:
             near = _position_log_odds(track, torso_m, time_s, settings, closed)
             if near > -math.inf:
-                alike = same_body_log_odds(settings, track, state, p, fitted, settings.options.initiation.min_age_s)
-                useful, useless = math.log(1.0 - options.corrupt_share), math.log(options.corrupt_share)
-                odds[p] = near + float(np.logaddexp(alike + useful, useless))
+                odds[p] = near + length_log_odds(track, state, p, fitted, age_s, settings)
     if not odds:
         return None
     best = max(odds, key=lambda p: odds[p])
@@ -71,6 +69,24 @@ def find_lost_track(
     doubt = f"{tracks[others[0]].name} is equally likely" if others else ""
     absent_s = time_s - tracks[best].last_seen_s
     return Reidentification(best, f"log odds {odds[best]:.1f} of the same person after {absent_s:.1f} s", doubt)
+
+
+def length_log_odds(
+    track: Track, state: State, index: int, fitted: State, observed_s: float, settings: TrackerSettings
+) -> float:
+    """Return the log odds of equal bone lengths, some of which are outliers.
+
+    Args:
+        track: Track of the lost person.
+        state: States of the tracks.
+        index: Index of the track.
+        fitted: State of the new person's body, fitted without a prior from the track.
+        observed_s: Time for which that body was observed, in seconds.
+        settings: Settings of the tracker.
+    """
+    share = settings.options.reidentification.corrupt_share
+    alike = same_body_log_odds(settings, track, state, index, fitted, observed_s)
+    return float(np.logaddexp(alike + math.log(1.0 - share), math.log(share)))
 
 
 def population_is_known(tracks: list[Track], settings: TrackerSettings) -> bool:

@@ -223,9 +223,16 @@ class Distance(Protocol):
         ...
 
     def find_reacquired(
-        self, tracks: list[Track], state: State, observations: list[Observation], settings: TrackerSettings
-    ) -> list[tuple[Reidentification, Observation]]:
-        """Find the lost tracks that proposals continue in the same frame, each with its proposal."""
+        self, tracks: list[Track], state: State, tentative: list[TentativeTrack], settings: TrackerSettings
+    ) -> list[tuple[Reidentification, TentativeTrack]]:
+        """Find the lost tracks that proposals of the last frame continue, each with the proposals to fit.
+
+        Args:
+            tracks: Confirmed tracks.
+            state: States of the tracks.
+            tentative: Tentative tracks that a proposal of the last frame started or continued.
+            settings: Settings of the tracker.
+        """
         ...
 
 

@@ -195,6 +195,8 @@ class ReidentificationOptions:
 
     Attributes:
         min_log_odds: Minimum log odds at which a new person is re-identified as a lost one.
+        immediate_log_odds: Minimum sum of the log odds of proposals, position and bone lengths for re-acquiring a lost
+            track in one frame.
         ambiguity_log_odds: Difference of log odds below which another lost track is reported as equally likely.
         corrupt_share: Probability that an observation of bone lengths is an outlier.
         length_sd_share: Standard deviation of a bone length between two observations, as a fraction of the length.
@@ -208,6 +210,7 @@ class ReidentificationOptions:
     """
 
     min_log_odds: float = option(0.0)
+    immediate_log_odds: float = option(6.0)
     ambiguity_log_odds: float = option(1.0, at_least=0.0)
     corrupt_share: float = option(0.1, above=0.0, below=1.0)
     length_sd_share: float = option(0.03, at_least=0.0)

@@ -12,6 +12,7 @@ from posefuse.kernels.tracking.matching import score_detections
 from posefuse.kernels.tracking.records import DetectionScores, MatchParameters, State
 from posefuse.model.frames import Frame
 from posefuse.tracking.body_states import ProjectedBodies
+from posefuse.tracking.reacquisition import find_reacquired_tracks
 from posefuse.tracking.records import Observation, PastState, RecentHistory, TentativeTrack, Track
 from posefuse.tracking.reidentification import Reidentification, find_lost_track
 from posefuse.tracking.settings import TrackerSettings, filter_memory_s, tempering_factor
@@ -173,10 +174,10 @@ class TrunkDistance:
         return find_lost_track(tracks, state, fitted, observation.torso_m, since_s, time_s, settings)
 
     def find_reacquired(
-        self, tracks: list[Track], state: State, observations: list[Observation], settings: TrackerSettings
-    ) -> list[tuple[Reidentification, Observation]]:
-        """Return nothing: a proposal re-identifies a lost track once it would be confirmed."""
-        return []
+        self, tracks: list[Track], state: State, tentative: list[TentativeTrack], settings: TrackerSettings
+    ) -> list[tuple[Reidentification, TentativeTrack]]:
+        """Find the lost tracks by the log odds of the proposals, of the position, and of the bone lengths."""
+        return find_reacquired_tracks(tracks, state, tentative, settings)
 
 
 class FilteredBody:

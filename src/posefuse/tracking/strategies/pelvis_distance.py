@@ -60,10 +60,10 @@ class PelvisDistance:
         return Reidentification(lost[best], _reason(float(cost[best, 0]), tracks[lost[best]], time_s))
 
     def find_reacquired(
-        self, tracks: list[Track], state: State, observations: list[Observation], settings: TrackerSettings
-    ) -> list[tuple[Reidentification, Observation]]:
+        self, tracks: list[Track], state: State, tentative: list[TentativeTrack], settings: TrackerSettings
+    ) -> list[tuple[Reidentification, TentativeTrack]]:
         """Find pairs of a lost track and a proposal, those with the smallest C_reacq first, each at most once."""
-        o = settings.options.specification
+        o, observations = settings.options.specification, [each.observations[-1] for each in tentative]
         lost = [p for p, track in enumerate(tracks) if track.state == TrackState.LOST]
         if not o.same_frame_reacquisition or not lost or not observations:
             return []
@@ -75,7 +75,8 @@ class PelvisDistance:
                 break
             if best == np.nanmin(cost[i]) and best == np.nanmin(cost[:, j]):
                 reason = _reason(best, tracks[lost[i]], observations[j].time_s)
-                found.append((Reidentification(lost[i], reason), observations[j]))
+                # The specification continues a track by the proposal of one frame.
+                found.append((Reidentification(lost[i], reason), TentativeTrack(0, [observations[j]])))
                 cost[i], cost[:, j] = np.inf, np.inf
         return found
 

@@ -364,15 +364,17 @@ def test_lost_track_is_found_close_to_its_prediction() -> None:
 
 
 def test_each_lost_track_is_reacquired_by_its_best_proposal() -> None:
-    tracks, state, near = lost_and_found(0.1)
-    nearer = replace(near, points_m=near.points_m - np.array([0.05, 0.0, 0.0]))
-    far = replace(near, points_m=near.points_m + np.array([0.0, 2.0, 0.0]))
-    found = STRATEGY.distance.find_reacquired(tracks, state, [near, far, nearer], SETTINGS)
-    assert [(match.track, each is nearer) for match, each in found] == [(0, True)]
+    tracks, state, seen = lost_and_found(0.1)
+    nearer = replace(seen, points_m=seen.points_m - np.array([0.05, 0.0, 0.0]))
+    near, far, nearest = (
+        TentativeTrack(1, [each])
+        for each in (seen, replace(seen, points_m=seen.points_m + np.array([0.0, 2.0, 0.0])), nearer)
+    )
+    found = STRATEGY.distance.find_reacquired(tracks, state, [near, far, nearest], SETTINGS)
+    assert [(match.track, each.observations[0] is nearer) for match, each in found] == [(0, True)]
     assert not STRATEGY.distance.find_reacquired(tracks, state, [far], SETTINGS)
     off = settings_with(same_frame_reacquisition=False)
     assert not STRATEGY.distance.find_reacquired(tracks, state, [near], off)
-    assert not default.STRATEGY.distance.find_reacquired(tracks, state, [near], SETTINGS)
 
 
 def updated_shape(settings: TrackerSettings, update_m: float) -> np.ndarray:
