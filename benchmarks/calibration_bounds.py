@@ -49,6 +49,8 @@ def board(folder: Path) -> None:
     for label, each in (("estimate", whole), ("synchronized", together)):
         print(f"{label:28} held-out {each.held_out.rms_px:.2f} px, offsets {_offsets_ms(each)} ms")
     print(f"{'sds of the estimate':28} {_sds(whole)}")
+    turn, moved = stated_ratio(*by_half)
+    print(f"{'halves, in stated sds':28} rotation {turn:.2f}, center {moved:.2f}")
 
 
 def _half(corners: BoardCorners, k: int) -> BoardCorners:
@@ -74,6 +76,26 @@ def differences(a: CameraRig, b: CameraRig) -> tuple[np.ndarray, np.ndarray]:
         turns.append(np.degrees(np.linalg.norm(vector_from_rotation(relative[0] @ relative[1].T))))
         shares.append(np.linalg.norm(place[0] - place[1]) / np.linalg.norm(place[1]))
     return np.array(turns), np.array(shares)
+
+
+def stated_ratio(a: BoardCalibration, b: BoardCalibration) -> tuple[float, float]:
+    """Return differences of rotations and centers relative to the first camera, in units of their standard deviation.
+
+    Both are root mean squares over the directions and cameras: 1 if the standard deviations are right.
+    """
+    squares = []
+    for v in range(1, len(a.cameras)):
+        one, other = (each.solution.model.rig.cameras[v] for each in (a, b))
+        turn = vector_from_rotation(one.rotation @ other.rotation.T)
+        covariance = a.covariance[v] + b.covariance[v]
+        moved = one.center_m - other.center_m
+        squares.append([_square(turn, covariance[:3, :3]), _square(moved, covariance[3:6, 3:6])])
+    turned, shifted = np.sqrt(np.mean(squares, axis=0))
+    return float(turned), float(shifted)
+
+
+def _square(difference: np.ndarray, covariance: np.ndarray) -> float:
+    return float(difference @ np.linalg.solve(covariance, difference)) / len(difference)
 
 
 def _range(values: np.ndarray) -> str:

@@ -80,12 +80,12 @@ def regions(case: CalibrationCase, found: Calibrated) -> tuple[dict[str, list[fl
         if part.start >= size:
             continue
         blocks = [covariance[v, part, v, part] for v in range(len(error))]
-        levels[name] = [_level(e, block) for e, block in zip(error[:, part], blocks, strict=True)]
+        levels[name] = [level(e, block) for e, block in zip(error[:, part], blocks, strict=True)]
         sds[name] = float(np.median([np.sqrt(np.max(np.linalg.eigvalsh(block))) for block in blocks]))
     return levels, sds
 
 
-def _level(error: np.ndarray, covariance: np.ndarray) -> float:
+def level(error: np.ndarray, covariance: np.ndarray) -> float:
     """Return the probability level of the ellipsoid through the error; directions without variance do not count."""
     values, vectors = np.linalg.eigh(covariance)
     free = values > max(SMALLEST_SD**2, 1e-9 * values.max())
