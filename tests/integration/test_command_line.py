@@ -1,5 +1,6 @@
 """The command line from files to files, and a sentence for every bad input."""
 
+import importlib
 import json
 import os
 import re
@@ -424,3 +425,37 @@ def test_deep_inspection_of_one_camera_states_that_nothing_was_checked(tmp_path,
     assert code == 0, err
     assert "nothing checked" in out
     assert "no faults found" not in out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("report",), "RESULT is missing. posefuse report --help describes it."),
+        (("plot", "out"), "--output is missing. posefuse plot --help describes it."),
+        (("calibrate", "a", "b", "-o", "c.toml"), "Unexpected: 'b'. posefuse calibrate --help"),
+        (("inspect", "absent"), "This folder is empty."),
+    ],
+)
+def test_beginners_calls_are_explained(words, message, run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = run(*words)
+    assert code in (1, 2)
+    assert message in " ".join(err.split())
+
+
+@pytest.mark.parametrize(("command", "resumes"), [("detect", True), ("inspect", False)])
+def test_an_interruption_is_stated(command, resumes, run, tmp_path, monkeypatch):
+    from posefuse.io import files
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(files, "must_exist", interrupt)
+    for name in ("posefuse.io.view_images", "posefuse.io.recording", "posefuse.pipeline.detect"):
+        module = importlib.import_module(name)
+        if hasattr(module, "must_exist"):
+            monkeypatch.setattr(module, "must_exist", interrupt)
+    code, _, err = run(command, tmp_path / "absent", *(["-o", tmp_path / "out"] if command == "detect" else []))
+    assert code == 130
+    assert "Interrupted; no incomplete files remain." in err
+    assert ("The same command resumes." in " ".join(err.split())) == resumes

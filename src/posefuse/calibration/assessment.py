@@ -39,6 +39,11 @@ _WHERE: dict[CalibrationTarget, str] = {
     "people": "who walks through the whole volume, in several directions.",
     "points": "spread over the images and in depth, and measure their places in enlarged pictures.",
 }
+_CAUSES: dict[CalibrationTarget, str] = {
+    "board": "Check its focus, motion blur, exposure and frame times.",
+    "people": "Check its detections, focus and frame times.",
+    "points": "",
+}
 _FEW_POINTS = 6
 """With fewer points, a camera's pose hardly shows that one of them is wrong."""
 _FLAT = 0.1
@@ -203,8 +208,8 @@ def _errors(summary: CalibrationSummary) -> Iterator[Advice]:
     typical = float(np.nanmedian(errors))
     for name, camera, error in zip(summary.rig.names, summary.cameras, errors, strict=True):
         if len(errors) > 2 and error > _LARGE_ERROR * typical and error > _NOTICEABLE_SHARE:
-            text = f"Camera {name!r} fits worse than the others: {camera.error_px:.2f} px."
-            yield Advice("check", name, text, "Check its focus, motion blur, exposure and frame times.")
+            text = f"Camera {name!r} fits worse than the others: root mean square error {camera.error_px:.2f} px."
+            yield Advice("check", name, text, _CAUSES[summary.target])
 
 
 def _widths(summary: CalibrationSummary) -> list[int]:

@@ -16,7 +16,7 @@ def describe_people(result: PeopleCalibration) -> None:
     say(f"{count(len(result.cameras), 'camera')}, {who} in {count(frames, 'moment')}")
     held_out = "" if result.held_out_px != result.held_out_px else f", {result.held_out_px:.2f} px held out"
     say(f"median error {result.error_px:.2f} px{held_out}")
-    columns = ["camera", "keypoints", "error px", "focal px", "rotation +- deg", "center +- mm", "offset ms"]
+    columns = ["camera", "keypoints", "median px", "focal px", "rotation +- deg", "center +- mm", "offset ms"]
     table(None, columns, [_row(result, v, camera) for v, camera in enumerate(result.cameras)])
     note(f"+- is a standard deviation relative to camera {result.cameras[0].name!r}, in the worst direction.")
     if result.board is not None:

@@ -28,6 +28,7 @@ from posefuse.cli.flags import as_flags
 from posefuse.errors import handle_warnings
 
 _WIDTH = 80
+_LABEL_WIDTH = 12
 
 
 class _Pipe(Console):
@@ -46,13 +47,14 @@ err = _Pipe(stderr=True, highlight=False)
 class _SpeedColumn(ProgressColumn):
     """Shows how many units of work are done per second."""
 
-    def __init__(self, unit: str) -> None:
+    def __init__(self, unit: str, stage: str) -> None:
         super().__init__()
-        self._unit = unit
+        self._unit, self._stage = unit, stage
 
     def render(self, task: Task) -> Text:
         """Return the text of a stage."""
-        return Text("" if task.speed is None else f"{task.speed:.1f} {self._unit}/s")
+        hidden = task.speed is None or (self._stage and task.description != self._stage)
+        return Text("" if hidden else f"{task.speed:.1f} {self._unit}/s")
 
 
 class Bars:
@@ -60,16 +62,17 @@ class Bars:
 
     Args:
         unit: unit of work whose number per second is shown; empty to show none.
+        stage: the only stage whose speed is shown; empty for all.
     """
 
     _DELAY_S = 1.0
 
-    def __init__(self, unit: str = "") -> None:
+    def __init__(self, unit: str = "", stage: str = "") -> None:
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
             MofNCompleteColumn(),
-            *([_SpeedColumn(unit)] if unit else []),
+            *([_SpeedColumn(unit, stage)] if unit else []),
             TimeRemainingColumn(),
             console=err,
             transient=True,
@@ -126,6 +129,16 @@ def table(title: str | None, columns: list[str], rows: list[list[str]], *, words
 def note(text: str) -> None:
     """Print a sentence, wrapped to the width of the window; longer words, such as paths, are not broken."""
     out.print(Text(_wrapped(as_flags(text), out.width)), soft_wrap=True)
+
+
+def labeled(label: str, text: str) -> None:
+    """Print a sentence after a label of twelve columns; further lines begin below the sentence."""
+    lines = textwrap.wrap(as_flags(text), out.width - _LABEL_WIDTH, break_long_words=False, break_on_hyphens=False) or [
+        ""
+    ]
+    first, *others = lines
+    indent = " " * _LABEL_WIDTH
+    out.print(Text("\n".join([f"{label:<{_LABEL_WIDTH}}{first}", *(indent + each for each in others)])), soft_wrap=True)
 
 
 def warn(text: str) -> None:

@@ -111,7 +111,7 @@ def describe(outcome: "DetectionOutcome") -> None:
         warn(text)
     for view in outcome.views:
         if view.n_images and not view.n_with_people:
-            warn(f"No person was found in view {view.name!r}.")
+            warn(f"No person was found in view {view.name!r}. Look at its images, or try another detector.")
     written = list(outcome.overlays)
     if outcome.n_images:
         written.insert(0, outcome.keypoints)

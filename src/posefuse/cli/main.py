@@ -31,7 +31,9 @@ app = App(
     help_format="plaintext",
     help_formatter=_HELP,
     default_parameter=Parameter(negative_iterable=(), consume_multiple=True, show_default=_default_text),
+    suppress_keyboard_interrupt=False,
 )
+app.meta.suppress_keyboard_interrupt = False
 
 COMMANDS = {
     "run": "Reconstruct people from videos: detect, calibrate, synchronize.",
@@ -64,6 +66,9 @@ COMMANDS = {
     "methods": "List the triangulation methods.",
     "formats": "List the file formats.",
 }
+_RESUMING = ("run", "detect")
+"""Commands that keep what they have finished."""
+
 for name, help_text in COMMANDS.items():
     module = name.replace("-", "_")
     app.command(f"posefuse.cli.{module}:{module}", name=name, help=help_text)
@@ -123,8 +128,14 @@ def main(arguments: list[str] | None = None) -> None:
             named = f"{error.filename}: " if error.filename else ""
             _fail(f"{named}{error.strerror or error}.", 1)
         except KeyboardInterrupt:
-            err.print(Text("interrupted; no incomplete files remain", "red"))
-            sys.exit(130)
+            _fail_interrupted(sys.argv[1:] if arguments is None else arguments)
+
+
+def _fail_interrupted(tokens: list[str]) -> None:
+    resumes = any(token in _RESUMING for token in tokens[:1])
+    text = "Interrupted; no incomplete files remain." + (" The same command resumes." if resumes else "")
+    err.print(Text(text, "red"))
+    sys.exit(130)
 
 
 def _fail(message: str, code: int) -> None:

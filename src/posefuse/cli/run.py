@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Group, Parameter
 
-from posefuse.cli.console import Bars, count, note, say, table, warn, wrote
+from posefuse.cli.console import Bars, count, labeled, note, say, table, warn, wrote
 from posefuse.cli.describe_result import describe_result, layer_remark
 from posefuse.cli.findings import AcceptFindings, exit_on_certain_faults
 from posefuse.cli.help import RECONSTRUCTION_GROUP
@@ -18,8 +18,6 @@ from posefuse.model.options.run import RunOptions
 if TYPE_CHECKING:
     from posefuse.pipeline.run.plan import RunPlan
     from posefuse.pipeline.run.recipe import RunOutcome
-
-_LABEL_WIDTH = 12
 
 
 @dataclass(frozen=True)
@@ -88,7 +86,7 @@ def run(
         if plan.problems:
             sys.exit(1)
         return
-    watcher = Watcher(_say_plan, _Stages(options, behavior), Bars("images"))
+    watcher = Watcher(_say_plan, _Stages(options, behavior), Bars("images", "detecting"))
     outcome = run_recording(folder, output, run, options, also=behavior.also, watcher=watcher)
     assert outcome.reconstruction is not None
     report = output / "report.html"
@@ -109,15 +107,11 @@ def _say_plan(plan: "RunPlan") -> None:
     if plan.views:
         names = ", ".join(view.name for view in plan.views)
         what = "video" if plan.views[0].is_video else "folder of pictures"
-        _line("views", f"{count(len(plan.views), what)}: {names}; {describe_views(plan.views)}")
+        labeled("views", f"{count(len(plan.views), what)}: {names}; {describe_views(plan.views)}")
     for stage in plan.stages:
-        _line(stage.name, stage.text + (f" -> {stage.output}" if stage.output else ""))
+        labeled(stage.name, stage.text + (f" -> {stage.output}" if stage.output else ""))
     for text in plan.notes:
         note(f"note: {text}")
-
-
-def _line(label: str, text: str) -> None:
-    note(f"{label:<{_LABEL_WIDTH}}{text}")
 
 
 class _Stages:
@@ -132,7 +126,7 @@ class _Stages:
             return
         say("")
         if stage in outcome.kept and stage != "reconstruct":
-            _line(stage, "kept: inputs and options did not change")
+            labeled(stage, "kept: inputs and options did not change")
             return
         {
             "detect": self._detection,
@@ -146,14 +140,14 @@ class _Stages:
         from posefuse.cli.detect import describe
 
         assert outcome.detection is not None
-        _line("detect", f"by {outcome.detection.detector}")
+        labeled("detect", f"by {outcome.detection.detector}")
         describe(outcome.detection)
 
     def _lenses(self, outcome: "RunOutcome") -> None:
         found = outcome.lenses
         assert found is not None
         names = ", ".join(f"{name} ({n} images)" for name, n in zip(found.rig.names, found.n_images, strict=True))
-        _line("lenses", names)
+        labeled("lenses", names)
         for reason in found.left_out.values():
             warn(f"left out: {reason}")
 
@@ -164,13 +158,14 @@ class _Stages:
             from posefuse.cli.refine_calibration import describe as describe_refinement
 
             used = "predicts held-out frames better and is used" if refined.predicts_better else "is not used"
-            _line("calibrate", f"the refined calibration {used}")
+            labeled("calibrate", f"the refined calibration {used}")
             describe_refinement(refined)
             if refined.predicts_better and not refined.is_better:
                 warn(f"The refined calibration is used because of `refine`, but {NOT_SHOWN}")
             return
         assert outcome.calibration is not None
-        _line("calibrate", outcome.calibration.sentence)
+        page = outcome.output / "calibration.html"
+        labeled("calibrate", outcome.calibration.sentence + (f" Report: {page}" if page.exists() else ""))
         for name, reason in outcome.calibration.left_out.items():
             warn(f"left out: camera {name!r}: {reason}")
 
@@ -178,12 +173,12 @@ class _Stages:
         found = outcome.synchronization
         assert found is not None
         if found.note or found.found is None:
-            _line("synchronize", found.note)
+            labeled("synchronize", found.note)
             return
         if found.sync.does_nothing:
-            _line("synchronize", "the views are synchronized")
+            labeled("synchronize", "the views are synchronized")
         else:
-            _line("synchronize", f"{count(len(set(found.sync.cameras)), 'view')} corrected")
+            labeled("synchronize", f"{count(len(set(found.sync.cameras)), 'view')} corrected")
             rows = [
                 [name, f"{offset:+.3f}", f"{drift:+.0f}" if drift else "-"]
                 for name, offset, drift in zip(
@@ -198,9 +193,9 @@ class _Stages:
         made = outcome.reconstruction
         assert made is not None
         if made.kept:
-            _line("reconstruct", "kept: inputs and options did not change")
+            labeled("reconstruct", "kept: inputs and options did not change")
             return
-        _line("reconstruct", "")
+        labeled("reconstruct", "")
         describe_result(made.open())
         for remark in made.remarks:
             note(f"note: {remark}")

@@ -1,8 +1,16 @@
 """Describe wrong calls of the command line, in the words of the options record."""
 
-from cyclopts.exceptions import CoercionError, CycloptsError, UnknownOptionError
+from collections.abc import Iterable
 
-from posefuse.errors import suggestion
+from cyclopts.exceptions import (
+    CoercionError,
+    CycloptsError,
+    MissingArgumentError,
+    UnknownOptionError,
+    UnusedCliTokensError,
+)
+
+from posefuse.errors import choices, suggestion
 from posefuse.model.options.aliases import matching_option
 from posefuse.model.options.bounds import valid_choices
 from posefuse.model.options.catalog import OptionEntry, options_by_name
@@ -12,12 +20,34 @@ def describe(error: CycloptsError) -> str:
     """Return what is wrong with a call, what is valid, and what was probably meant."""
     if isinstance(error, UnknownOptionError):
         return _unknown_flag(error)
+    if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
+        return _unexpected(error.unused_tokens, " ".join(error.command_chain or ()))
+    if type(error) is MissingArgumentError and error.argument is not None and not error.argument.tokens:
+        missing = _missing(error)
+        if missing is not None:
+            return missing
     if isinstance(error, CoercionError) and error.token is not None and error.token.keyword:
         option = _option(error.token.keyword)
         if option is not None:
             value = error.token.value
             return f"{error.token.keyword} must be {option.expected}, got {value!r}.{_did_you_mean(value, option)}"
     return str(error).strip()
+
+
+def _unexpected(tokens: Iterable[str], command: str) -> str:
+    names = choices(repr(token) for token in tokens)
+    return f"Unexpected: {names}. posefuse {command} --help lists what the command takes."
+
+
+def _missing(error: MissingArgumentError) -> str | None:
+    """Return which argument is not given, or None if its flag is given without a value."""
+    assert error.argument is not None
+    if error.keyword is not None:
+        return None
+    name, command = error.argument.name, " ".join(error.command_chain or ())
+    if error.argument.field_info.is_positional:
+        name = name.lstrip("-").upper()  # as help names it
+    return f"{name} is missing. posefuse {command} --help describes it."
 
 
 def _unknown_flag(error: UnknownOptionError) -> str:

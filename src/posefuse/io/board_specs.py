@@ -49,6 +49,8 @@ def read_board_spec(spec: str | Path) -> Board:
     if isinstance(spec, Path) or text.endswith(".toml") or Path(text).exists():
         return _from_file(Path(spec))
     kind = text.split(":")[0].split(",")[0]
+    if kind in BOARD_KINDS:
+        raise CalibrationError(f"The board {text!r} needs its columns and rows, and the side of a square: {EXAMPLE!r}.")
     raise CalibrationError(
         f"{text!r} describes no board. {suggestion(kind, BOARD_KINDS)} Give it as {EXAMPLE!r}, or name a TOML file."
     )
@@ -102,7 +104,9 @@ def _length_m(name: str, value: object) -> float:
     """Return a length with its unit in meters."""
     match = _LENGTH.fullmatch(str(value).strip())
     if match is None:
-        raise CalibrationError(f"{name} of a board must be a length with its unit, such as 54mm, got {value!r}.")
+        raise CalibrationError(
+            f"{name} of a board must be a positive length with its unit, such as 54mm, got {value!r}."
+        )
     return float(match[1]) * _UNITS_M[match[2]]
 
 

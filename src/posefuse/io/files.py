@@ -30,9 +30,9 @@ def must_exist(path: Path, what: str) -> Path:
         return path
     parent = next((folder for folder in path.parents if folder.is_dir()), Path())
     seen = sorted(entry.name for entry in parent.iterdir() if not entry.name.startswith("."))
-    there = choices(seen) if seen else "nothing"
     folder = str(parent) if parent.name else "This folder"
-    raise FileError(f"No {what} at {path}. {folder} contains: {there}.")
+    content = f"contains: {choices(seen)}" if seen else "is empty"
+    raise FileError(f"No {what} at {path}. {folder} {content}.")
 
 
 def read_text(path: Path) -> str:

@@ -29,9 +29,19 @@ _READ_SUFFIXES = (
 )
 _MEDIA_REASON = "images and videos; posefuse run detects people in videos"
 _THREE_D_REASON = "3D results; 2D keypoints are read"
-_SETTINGS_REASON = "settings: the frame rate and pose model apply to keypoints below this folder"
+_SETTINGS_REASON = "settings: a frame rate and a pose model in them apply to keypoints below this folder"
 _LENS_REASON = "intrinsics only: camera poses are missing"
 _RESULT_REASON = "a posefuse result"
+_OWN_REASON = "written by posefuse beside its results"
+_OWN_FILES = (
+    "calibration.html",
+    "detection.json",
+    "people.html",
+    "posefuse.toml",
+    "report.html",
+    "run.json",
+    "sync.toml",
+)
 _PICKLE_REASON = "pickle files can run code; only the numbers of OpenCap's calibrations and *_pp.pkl are read"
 _NETWORK_REASON = "network weights; export the predictions instead"
 _OTHER_REASON = "neither a calibration nor 2D keypoints"
@@ -106,6 +116,8 @@ def _reason(file: Path) -> str:
     name = _format_name(file) if suffix in _READ_SUFFIXES else None
     if name is not None:
         return f"{name} keypoints beside or below other input; use `keypoints` or `calibration`"
+    if file.name in _OWN_FILES:
+        return _OWN_REASON
     beginning = _beginning(file) if suffix in _READ_SUFFIXES else b""
     return _content_reason(file, beginning) or (_UNKNOWN_REASON if suffix in _READ_SUFFIXES else _OTHER_REASON)
 

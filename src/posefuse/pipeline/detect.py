@@ -1,5 +1,6 @@
 """Detect people in the videos of a recording: decode, examine chunks side by side, link, and write keypoints."""
 
+import contextlib
 import hashlib
 import os
 import tempfile
@@ -169,15 +170,28 @@ def detect_videos(
         finished = None if overwrite else folder.finished_views()
         if finished is None:
             folder.check_new(overwrite=overwrite)
-        with writable(output):
-            output.mkdir(parents=True, exist_ok=True)
-        with exclusive_folder(output, output):
+        with _new_folder(output), exclusive_folder(output, output):
             task = Task(sources, rectangles, options.max_people)
             work = _Detection(folder, inputs, task, options, progress)
             outcome = DetectionOutcome(folder.keypoints, first.name, finished or ())
             if finished is None:
                 outcome = work.run(chunks, [future.result for future in detectors], first)
             return replace(outcome, overlays=work.draw()) if options.overlay else outcome
+
+
+@contextmanager
+def _new_folder(output: Path) -> Iterator[None]:
+    """Create a folder, and remove it after an error if nothing is in it."""
+    existed = output.exists()
+    with writable(output):
+        output.mkdir(parents=True, exist_ok=True)
+    try:
+        yield
+    except BaseException:
+        if not existed:
+            with contextlib.suppress(OSError):
+                output.rmdir()
+        raise
 
 
 @contextmanager

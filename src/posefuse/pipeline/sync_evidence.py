@@ -267,9 +267,9 @@ def _keypoint_evidence(views: _Views, starts: SyncOptions, timings: Sequence[Vie
     for name in views.names:
         timing = next((each for each in timings if each.camera == name), None)
         if timing is None:
-            found.append(_no_evidence(name, "It shares too few people with the other views."))
+            found.append(_no_evidence(name, f"{name} shares too few people with the other views."))
         elif not timing.is_observable and not timing.is_corrected:
-            found.append(_no_evidence(name, "Its people move too little to show when a frame was captured."))
+            found.append(_no_evidence(name, f"The people of {name} move too little to show when a frame was captured."))
         else:
             total_s = float(starts.offset_at(name, np.array(0.0))) + timing.offset_s[0]
             reason = f"Measured to {1e3 * timing.offset_sd_s:.1f} ms by people who move."

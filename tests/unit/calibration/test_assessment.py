@@ -37,7 +37,12 @@ def structured(summary):
         (lambda s: replace(s, lengths=(LengthCheck("lengths", -0.1, 0.0, 9),)), "bad", "-10 % off", "Measure"),
         (lambda s: with_camera(s, 2, center_sd_m=0.1), "check", "'cam_2' is known only to 100 mm", "Film the board"),
         (lambda s: replace(s, shared=np.full((3, 3), 4)), "check", "'cam_0' shares only 4 frames", "Film the board"),
-        (lambda s: with_camera(s, 1, residual_px=4 * s.cameras[1].residual_px), "check", "fits worse", "motion blur"),
+        (
+            lambda s: with_camera(s, 1, residual_px=4 * s.cameras[1].residual_px),
+            "check",
+            "fits worse than the others: root mean",
+            "motion blur",
+        ),
         (structured, "check", "depend on the place in the image", "refine_intrinsics"),
         (lambda s: with_camera(s, 0, held_out_px=2.0), "check", "only to 2.00 px", "more images"),
         (lambda s: with_camera(s, 1, offset_s=-0.12, offset_sd_s=0.005), "good", "'cam_1' -120 ms", "posefuse sync"),

@@ -1,5 +1,7 @@
 """Output of the command line fits the window."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from posefuse.cli import console
@@ -47,3 +49,21 @@ def test_many_keypoints_are_summarized_by_part():
     assert results.endswith("(23 in all)")
     hand = [skeleton.keypoints[k] for k in skeleton.parts[0].keypoints[:13]]
     assert _summary_of_names(hand, skeleton) == "left hand (13 of 21)"
+
+
+def test_lines_after_a_label_begin_below_the_sentence(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    console.labeled("views", "word " * 40)
+    console.labeled("reconstruct", "")
+    *lines, last = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("views       word")
+    assert len(lines) == 4
+    assert all(line.startswith(" " * 12 + "word") and len(line) <= 80 for line in lines[1:])
+    assert last.strip() == "reconstruct"
+
+
+@pytest.mark.parametrize(("stage", "shown"), [("detecting", "5.0 images/s"), ("copying videos", "")])
+def test_speed_is_shown_for_the_stage_that_counts_the_unit(stage, shown):
+    column = console._SpeedColumn("images", "detecting")
+    task = SimpleNamespace(speed=5.0, description=stage)
+    assert str(column.render(task)) == shown  # type: ignore[arg-type]

@@ -156,7 +156,8 @@ def _check_determined(joint: JointEstimate, log_focal: np.ndarray) -> None:
     if focal_sd > _MAX_FOCAL_SD:
         raise CalibrationError(
             "The people do not determine the focal lengths of the cameras: their standard deviation is "
-            f"{focal_sd:.0%}. Give the lenses (`intrinsics`), or film a person who walks through the whole volume."
+            f"{100 * focal_sd:.0f} %. Give the lenses (`intrinsics`), or film a person who walks through the whole "
+            "volume."
         )
     turn_sd = float(np.median(joint.sd[:, :3].max(axis=1)))
     if turn_sd > _MAX_TURN_SD:

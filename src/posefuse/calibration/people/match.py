@@ -242,7 +242,9 @@ def _matched(
         seen = np.isfinite(view.keypoints_px).any(axis=(2, 3))
         share = float(exchanged[i][seen].mean()) if seen.any() else 0.0
         if share > 0.0:
-            notes.append(f"{camera.name}: left and right were exchanged in {share:.1%} of the detections; corrected.")
+            notes.append(
+                f"{camera.name}: left and right were exchanged in {100 * share:.1f} % of the detections; corrected."
+            )
         if rate[i] != 1.0:
             notes.append(f"{camera.name}: its frame rate is {1.0 / rate[i]:.3g} times as high as stated; corrected.")
     start_s = offset_s + np.array([view.time_s[0] for view in out]) * (1.0 - rig.rate[chosen])

@@ -351,4 +351,7 @@ def _nothing_to_reconstruct(session: Session) -> str:
             f"{session.folder} has images of a board ({place_of(session.board_views, session.folder)}), but neither "
             "videos of people nor 2D keypoints. To calibrate cameras alone, use posefuse calibrate."
         )
-    return f"{session.folder} has neither videos nor 2D keypoints."
+    return (
+        f"{session.folder} has neither videos nor 2D keypoints. Give a folder with one video, or one folder of "
+        "pictures, per camera."
+    )
