@@ -34,7 +34,8 @@ OTHER_TEXT = {
 """Files whose texts contain flags that are not arguments of posefuse, or that only the command line writes."""
 
 OTHER_ARGUMENTS = {
-    "accept_findings", "also", "angle", "board", "calibration", "detect.crop", "detector", "device", "figure",
+    "accept_findings", "also", "angle", "board", "calibration", "detect.crop", "detector",
+    "detector_python", "device", "figure",
     "format", "images", "input", "intrinsics", "jobs", "keypoints", "output", "overwrite", "path", "python",
     "recording", "reference", "save", "scene_points", "scheduler", "sync", "timestamps", "video", "videos",
     "weights",
