@@ -352,6 +352,6 @@ def _nothing_to_reconstruct(session: Session) -> str:
             "videos of people nor 2D keypoints. To calibrate cameras alone, use posefuse calibrate."
         )
     return (
-        f"{session.folder} has neither videos nor 2D keypoints. Give a folder with one video, or one folder of "
+        f"{session.folder} has neither videos nor 2D keypoints; give a folder with one video, or one folder of "
         "pictures, per camera."
     )
