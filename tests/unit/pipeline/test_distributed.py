@@ -22,6 +22,7 @@ from posefuse.pipeline.distributed import (
     prepare_distributed,
     reconstruct_distributed,
 )
+from posefuse.pipeline.left_out_views import with_layer_scores
 from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.progress import Silent
 from posefuse.synthetic.crowd_options import CrowdOptions
@@ -38,7 +39,8 @@ def run_here(work: Callable[[Path], None], pieces: Sequence[Path]) -> None:
 
 def distributed(scene, options: Options, folder: Path, window_s: float, run: RunPieces = run_here) -> Reconstruction:
     runner = PieceRunner(CheckpointFolder(folder, "key"), Workers(run, window_s))
-    plan = check_recording(prepare_distributed(scene.rig, scene.detections, options, runner, Silent()))
+    plan = prepare_distributed(scene.rig, scene.detections, options, runner, Silent())
+    plan = with_layer_scores(check_recording(plan))
     return concatenate_ranges(reconstruct_distributed(plan, runner, Silent()), plan.detections.n_frames)
 
 
