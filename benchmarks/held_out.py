@@ -1,14 +1,16 @@
 """Measure the distance between detections of held-out cameras and points of the other cameras in real recordings.
 
 ``python -m benchmarks.held_out FOLDER [--only NAME,...]``, where FOLDER holds the recordings that the tests read. The
-trajectory solve is compared with ``consensus`` over the observations that both predict, and by the variation of bone
-lengths with all cameras. All figures include the errors of the held-out camera, so they differ less than the points.
+triangulation methods, the layers of ``reconstruct`` with a fitted body and the layer that is the default without the
+camera are compared over the observations that all of them predict, and by the variation of bone lengths with all
+cameras. All figures include the errors of the held-out camera, so they differ less than the points.
 """
 
 import argparse
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +21,8 @@ from benchmarks.trajectory import per_frame, solved
 from posefuse.evaluation.accuracy import bone_variation
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
-from posefuse.model.reconstruction import Layer
+from posefuse.model.options.options import LayerName
+from posefuse.model.reconstruction import LAYERS, Layer
 from posefuse.preprocess.match_cameras import match_views
 
 MIN_CONFIDENCE = 0.2
@@ -30,20 +33,41 @@ Method = Callable[[CameraRig, Detections], Layer]
 METHODS: dict[str, Method] = {"consensus": per_frame, "trajectory": solved}
 
 
+def layer_of(rig: CameraRig, detections: Detections, layer: LayerName | None) -> Layer:
+    """Return a layer of the result with a fitted body, or the default one."""
+    options = posefuse.Options(people="one", bodies="fit", solve="trajectory", health="off")
+    return posefuse.reconstruct(rig, detections, options).best_layer(layer)[1]
+
+
+def triangulated(rig: CameraRig, detections: Detections, method: str) -> Layer:
+    """Return the points of a triangulation method."""
+    options = posefuse.Options(triangulation=posefuse.TriangulationOptions(method=method))
+    return posefuse.triangulate(rig, detections, options).layers["measured"]
+
+
+EVERYTHING: dict[str, Method] = {
+    **{name: partial(triangulated, method=name) for name in ("simple", "irls", "ransac")},
+    **{name: partial(layer_of, layer=name) for name in LAYERS},
+    "default": partial(layer_of, layer=None),
+}
+"""What the table compares."""
+
+
 @dataclass(frozen=True)
 class HeldOut:
     """Predictions of one method's points for held-out cameras.
 
     Attributes:
         median_px, p90_px: distance between predictions and detections, over cameras, frames and keypoints that both
-        methods
-            predict.
+            methods predict.
+        mean_px: mean of the same distances.
         predicted: share of the detections that the method predicts.
         bones: variation of bone lengths, all cameras used; NaN without bones.
         missing: share of points missing, all cameras used.
     """
 
     median_px: float
+    mean_px: float
     p90_px: float
     predicted: float
     bones: float
@@ -118,6 +142,7 @@ def compare(rig: CameraRig, detections: Detections, methods: dict[str, Method] |
         points = np.asarray(method(rig, detections).points_m)[:, 0]
         figures[name] = HeldOut(
             float(np.median(errors[name][shared])),
+            float(np.mean(errors[name][shared])),
             float(np.percentile(errors[name][shared], 90)),
             float(np.isfinite(errors[name]).sum() / seen.sum()),
             bone_variation(points, detections.skeleton.edge_indices) or np.nan,
@@ -133,12 +158,14 @@ def main() -> None:
     parser.add_argument("--only", default=",".join(RECORDINGS), help=f"some of {', '.join(RECORDINGS)}")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
-    print(f"| recording | method | {' | '.join(('median px', '90 % px', 'predicted', 'bone variation', 'missing'))} |")
-    print("|---|---|---|---|---|---|---|")
+    print(
+        f"| recording | method | {' | '.join(('median px', 'mean px', '90 % px', 'predicted', 'bone variation', 'missing'))} |"
+    )
+    print("|---|---|---|---|---|---|---|---|")
     for name in given.only.split(","):
-        for method, row in compare(*RECORDINGS[name](given.folder)).items():
+        for method, row in compare(*RECORDINGS[name](given.folder), EVERYTHING).items():
             print(
-                f"| `{name}` | {method} | {row.median_px:.2f} | {row.p90_px:.2f} | {100 * row.predicted:.1f} % | "
+                f"| `{name}` | {method} | {row.median_px:.2f} | {row.mean_px:.2f} | {row.p90_px:.2f} | {100 * row.predicted:.1f} % | "
                 f"{100 * row.bones:.2f} % | {100 * row.missing:.2f} % |",
                 flush=True,
             )

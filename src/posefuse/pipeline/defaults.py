@@ -189,8 +189,8 @@ def unused_side_options(options: Options) -> tuple[str, ...]:
 def resolve_solve(options: Options, facts: RecordingFacts, n_cameras: int) -> Options:
     """Resolve ``solve = "auto"``: frame by frame, or all frames together.
 
-    All frames are solved together for one subject and at least ten seconds, which suffice to estimate motion and
-    bones, if the triangulation method supports it. Tracked people have fitted bodies, which are smooth already.
+    All frames are solved together for one subject or tracked people and at least ten seconds, which suffice to estimate
+    motion and bones, if the triangulation method supports it.
 
     Raises:
         DetectionsError: if a solve over time is requested and frame times are unknown.
@@ -204,5 +204,5 @@ def resolve_solve(options: Options, facts: RecordingFacts, n_cameras: int) -> Op
         return options
     over_time = find_method(options.triangulation.method).supports_trajectory
     long_enough = facts.duration_s >= _MIN_TRAJECTORY_S and not facts.unrelated
-    together = options.people == "one" and n_cameras > 1 and over_time and long_enough
+    together = options.people in ("one", "many") and n_cameras > 1 and over_time and long_enough
     return replace(options, solve="trajectory" if together else "frame")

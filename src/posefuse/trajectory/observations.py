@@ -106,6 +106,11 @@ class PersonObservations:
         """Median time between frames, in seconds."""
         return float(np.median(np.diff(self.time_s))) if len(self.time_s) > 1 else 1.0 / _DEFAULT_RATE_HZ
 
+    @property
+    def has_points(self) -> bool:
+        """Whether the person was measured in any frame."""
+        return bool(np.isfinite(self.points_m).any())
+
     def linear(self, paths_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return residuals (keypoint, frame, view, 2) in px, projected minus observed, and derivatives (..., 2, 3)."""
         keypoints, frames, views, _ = self.pixels.shape

@@ -138,7 +138,8 @@ def estimate_priors(parts: Iterable[MeasuredRange], skeleton: Skeleton, options:
             _NONE, _NONE, _NONE, correlation_s, spread, persistent_ratio=persistence_ratio(share)
         )
         for statistics, observed in zip(sums, people, strict=True):
-            statistics.add(observed, bones, options, person_priors)
+            if observed.has_points:
+                statistics.add(observed, bones, options, person_priors)
     if errors is None:
         raise DetectionsError("The trajectory solve needs at least one frame to estimate its parameters.")
     lengths = [each.lengths(bones.rigid, options) for each in sums]
@@ -317,7 +318,9 @@ class _PersonStatistics:
 
     @property
     def errors(self) -> tuple[float, float]:
-        """Mean innovation scale and median scale strength."""
+        """Mean innovation scale and median scale strength; 1 without data."""
+        if not self._errors:
+            return 1.0, 1.0
         return float(np.mean([innovation_scale for innovation_scale, _ in self._errors])), float(
             np.median([each for _, each in self._errors])
         )

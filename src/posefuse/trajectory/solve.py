@@ -86,6 +86,8 @@ def estimate_roughness(
             if not np.isfinite(person_priors.density).all():
                 continue
             observed = PersonObservations.of(part, person)
+            if not observed.has_points:
+                continue
             solver = PathSolver(observed, Smoothness.of(options.prior, observed.time_s), bones, options)
             if solver.can_estimate_roughness(person_priors):
                 roughness = solver.roughness(solver.smooth(person_priors), person_priors)
@@ -104,13 +106,13 @@ def _solve_person(
     options: TrajectoryOptions,
 ) -> tuple[np.ndarray, ...]:
     """Return the layer arrays of one person, without the person axis."""
-    observed = PersonObservations.of(measured_range, person)
+    absent = np.asarray(measured_range.tracks.state[:])[:, person] == TrackState.ABSENT
     person_priors = recording_priors.of(person, measured_range.noise.spread)
-    if not np.isfinite(person_priors.density).all():
+    if absent.all() or not np.isfinite(person_priors.density).all():
         return _unsolved(measured_range, person)
+    observed = PersonObservations.of(measured_range, person)
     solver = PathSolver(observed, Smoothness.of(options.prior, observed.time_s), bones, options)
     paths = solver.solve(person_priors)
-    absent = np.asarray(measured_range.tracks.state[:])[:, person] == TrackState.ABSENT
     before = np.asarray(measured_range.layer.status)[:, person].T
     status = point_statuses(paths, before, options.max_sd_share * recording_priors.size_m[person])
     residuals, jacobians = observed.linear(paths.paths_m)
