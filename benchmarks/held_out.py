@@ -158,14 +158,13 @@ def main() -> None:
     parser.add_argument("--only", default=",".join(RECORDINGS), help=f"some of {', '.join(RECORDINGS)}")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
-    print(
-        f"| recording | method | {' | '.join(('median px', 'mean px', '90 % px', 'predicted', 'bone variation', 'missing'))} |"
-    )
+    print("| recording | method | median px | mean px | 90 % px | predicted | bone variation | missing |")
     print("|---|---|---|---|---|---|---|---|")
     for name in given.only.split(","):
         for method, row in compare(*RECORDINGS[name](given.folder), EVERYTHING).items():
             print(
-                f"| `{name}` | {method} | {row.median_px:.2f} | {row.mean_px:.2f} | {row.p90_px:.2f} | {100 * row.predicted:.1f} % | "
+                f"| `{name}` | {method} | {row.median_px:.2f} | {row.mean_px:.2f} | {row.p90_px:.2f} | "
+                f"{100 * row.predicted:.1f} % | "
                 f"{100 * row.bones:.2f} % | {100 * row.missing:.2f} % |",
                 flush=True,
             )
