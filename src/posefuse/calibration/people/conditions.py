@@ -94,6 +94,12 @@ def motion(view: Bearings, table: Sequence[Sequence[int]], v: int) -> float:
     return float(np.median(np.linalg.norm(high - low, axis=-1))) / size
 
 
+def has_parallax(edges: Edges) -> bool:
+    """Return whether two related views see the people from different places, or no views are related."""
+    related = [geometries[0] for geometries in edges.values() if geometries]
+    return not related or max(geometry.parallax for geometry in related) >= MIN_PARALLAX
+
+
 def check_parallax(names: Sequence[str], edges: Edges) -> None:
     """Check that cameras are at different places.
 
@@ -104,8 +110,8 @@ def check_parallax(names: Sequence[str], edges: Edges) -> None:
     Raises:
         CalibrationError: if no two related cameras see the people from different places.
     """
-    related = {pair: geometries[0] for pair, geometries in edges.items() if geometries}
-    if related and max(geometry.parallax for geometry in related.values()) < MIN_PARALLAX:
+    if not has_parallax(edges):
+        related = [pair for pair, geometries in edges.items() if geometries]
         shown = choices(names[v] for v in sorted({v for pair in related for v in pair}))
         raise CalibrationError(
             f"The cameras {shown} see the people from the same place, or from too far away: a rotation alone explains "

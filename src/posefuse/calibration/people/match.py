@@ -18,9 +18,11 @@ from posefuse.calibration.people.conditions import (
     check_filmed_enough,
     check_parallax,
     groups_error,
+    has_parallax,
     no_agreement,
     related_rest,
 )
+from posefuse.calibration.people.cross_validation import check_prediction
 from posefuse.calibration.people.identities import common_people, people_table, strangers
 from posefuse.calibration.people.pairs import relate_pair
 from posefuse.calibration.people.rates import at_rate, rig_rates
@@ -36,7 +38,7 @@ from posefuse.model.cameras import Camera
 _GAIN = 1.15
 """Factor by which time offsets must explain the motion better than synchronized views."""
 _POOR_COST, _RATE_GAIN = 1.6, 1.1
-_FEW = 3
+_TWO, _FEW = 2, 3
 
 
 def match_views(people: PeopleViews, seed: int = 0) -> MatchedViews:
@@ -80,6 +82,7 @@ def match_people(people: PeopleViews, table: People, seed: int = 0) -> MatchedVi
     left_out |= {views[agreeing[v]].name: _rejection(median) for v, median in rig.assembly.rejected.items()}
     timed = [at_rate(views[v], rate) for v, rate in zip(agreeing, rig.rate, strict=True)]
     rig = _settled(timed, _of_views(table, agreeing), bones, focal_known[agreeing], rig)
+    check_prediction(timed, bones, focal_known[agreeing], rig.assembly)
     chosen = [agreeing[v] for v in rig.assembly.views]
     timed = [timed[v] for v in rig.assembly.views]
     return _matched(people, [used[v] for v in chosen], timed, _of_views(table, chosen), rig, left_out)
@@ -173,24 +176,31 @@ def _rig_at_rates(
 ) -> Rig | None:
     """Return the best rig: with synchronized views, or with time offsets if they explain the motion better."""
     rate = np.ones(len(views))
-    synchronized = np.zeros(len(views))
-    offset_s = rig_offsets(views, table, rate, max_offset_s)
-    rigs = []
-    for start in (synchronized, offset_s) if np.abs(offset_s).max() > GRID_S else (synchronized,):
+    apart = [start for start in rig_offsets(views, table, rate, max_offset_s) if np.abs(start).max() > GRID_S]
+    rigs: list[Rig] = []
+    for start in (np.zeros(len(views)), *apart):
         samples = sample_bodies(views, table, start, rate, N_SAMPLES)
         edges = {
             (a, b): relate_pair(views[a], views[b], shared, offsets_s=[start[b] - start[a]], seed=seed)
             for a, b in combinations(range(len(views)), 2)
             if (shared := _of_both(table, (a, b)))
         }
-        check_parallax([view.name for view in views], edges)
+        if not start.any():
+            check_parallax([view.name for view in views], edges)
+        elif not has_parallax(edges):
+            continue
         found = assemble(samples, bones, edges, focal_known, True)
         if found:
             rigs.append(Rig(found[0], later(start, found[0]), rate, tuple(found[1:])))
-    best = rigs[0] if rigs else None
-    if len(rigs) == 2 and _is_clearly_better(rigs[1].assembly, rigs[0].assembly):
-        best = rigs[1]
-    return best
+    if len(rigs) < _TWO:
+        return rigs[0] if rigs else None
+    best = max(rigs[1:], key=_plausibility)
+    return best if _is_clearly_better(best.assembly, rigs[0].assembly) else rigs[0]
+
+
+def _plausibility(rig: Rig) -> tuple[int, float]:
+    """Return the number of views, and how probable one of their observations is on average."""
+    return len(rig.assembly.views), rig.assembly.likelihood / np.isfinite(rig.assembly.samples.observed[..., 0]).sum()
 
 
 def _settled(views: Sequence[Bearings], table: People, bones: Bones, focal_known: np.ndarray, rig: Rig) -> Rig:

@@ -21,6 +21,10 @@ _MIN_DEPTH = 0.05
 _MISSING_COST = 0.5
 _PRIOR_COST = 0.02
 _SWEEPS = 6
+_TWO, _BEYOND = 2, 3
+"""Steps beyond the largest offset at which costs are compared: a cost that falls there is no minimum."""
+_MOST_STARTS = {2: 4, 3: 3}
+"""Number of time offsets from which rigs of few views are assembled: their pairs confirm each other little."""
 
 
 def offset_candidates(
@@ -36,13 +40,15 @@ def offset_candidates(
         rate: seconds of the first view per second of the second.
         n: largest number of candidates.
     """
-    grid = GRID_S * np.arange(-np.ceil(max_offset_s / GRID_S), np.ceil(max_offset_s / GRID_S) + 1.0)
+    half = round(max_offset_s / GRID_S)
+    grid = GRID_S * np.arange(-half - _BEYOND, half + _BEYOND + 1.0)
     costs = affine_curve(a, b, people, grid, rate)
     if not np.isfinite(costs).any():
         return [0.0]
     padded = np.pad(np.where(np.isfinite(costs), costs, np.inf), 2, constant_values=np.inf)
     lowest = np.min([padded[k : k + len(costs)] for k in range(5)], axis=0)
     minima = [k for k in np.argsort(costs, kind="stable") if np.isfinite(costs[k]) and costs[k] <= lowest[k]]
+    minima = [k for k in minima if _BEYOND <= k <= 2 * half + _BEYOND]
     chosen = [float(grid[k]) for k in minima[:n]]
     if not any(abs(offset) < GRID_S for offset in chosen):
         chosen = [*chosen[: max(n - 1, 1)], 0.0]
@@ -54,11 +60,11 @@ def rig_offsets(
     people: Sequence[Sequence[int]],
     rate: np.ndarray,
     max_offset_s: float = MAX_OFFSET_S,
-) -> np.ndarray:
-    """Return approximate time offsets of all views relative to the first, shape (view,).
+) -> list[np.ndarray]:
+    """Return approximate time offsets of all views relative to the first, shape (view,), the most plausible first.
 
     Pairs of views agree best at them together; the first guesses are synchronized views and the best offsets to each
-    view.
+    view. Two or three views have several.
 
     Args:
         views: directions of all views.
@@ -67,6 +73,12 @@ def rig_offsets(
         max_offset_s: bound of the offset between two views.
     """
     n = len(views)
+    if n == _TWO:
+        shared = tuple((person[0], person[1]) for person in people if min(person) >= 0)
+        found = offset_candidates(
+            views[0], views[1], shared, max_offset_s, float(rate[1] / rate[0]), _MOST_STARTS[_TWO]
+        )
+        return [np.array([0.0, rate[0] * offset]) for offset in found]
     half = round(max_offset_s / GRID_S)
     grid = GRID_S * np.arange(-half, half + 1)
     curves = np.zeros((n, n, len(grid)))
@@ -84,8 +96,9 @@ def rig_offsets(
         np.array([0 if v == root else int(curves[root, v].argmin()) - half for v in range(n)]) for root in range(n)
     ]
     prior = _PRIOR_COST * (MAX_OFFSET_S / max(max_offset_s, MAX_OFFSET_S)) ** 2
-    found = [_descend(curves, start - start[0], half, prior) for start in starts]
-    return GRID_S * min(found, key=lambda pair: pair[0])[1]
+    descents = sorted((_descend(curves, start - start[0], half, prior) for start in starts), key=lambda pair: pair[0])
+    distinct = {offsets.tobytes(): GRID_S * offsets for _, offsets in descents}
+    return list(distinct.values())[: _MOST_STARTS.get(n, 1)]
 
 
 def _descend(curves: np.ndarray, offsets: np.ndarray, half: int, prior: float) -> tuple[float, np.ndarray]:

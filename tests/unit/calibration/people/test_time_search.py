@@ -18,3 +18,9 @@ def test_offset_is_the_first_candidate(rng, offset_s):
     assert abs(found[0] - offset_s) <= GRID_S
     assert any(abs(candidate) < GRID_S for candidate in found)
     assert len(found) <= 4
+
+
+def test_costs_that_fall_beyond_the_largest_offset_have_no_minimum_there(rng):
+    people = filmed_person(build_rig("corners", 2), rng, offsets_s=(0.0, 1.15), duration_s=9.0)
+    a, b = (bearings_of(view, people.skeleton) for view in people.views)
+    assert max(offset_candidates(a, b, ((0, 0),), 1.0, 1.0, 4)) < 0.9
