@@ -164,7 +164,9 @@ def synchronize(
             contradictions.append(_unused_starts(views.sound))
             judged, starts = unshifted, SyncOptions()
     if judged.error is not None:
-        if not any(each.is_decisive for each in views.sound):
+        # Tags alone are too coarse.
+        starts = start_times(_sounds(views.sound)) if by_tags else starts
+        if not any(each.is_decisive for each in _sounds(views.sound)):
             raise judged.error
         keypoints = tuple(_no_evidence(name, str(judged.error)) for name in views.names)
         found = (*_tag_contradictions(views.sound), *_timestamp_contradictions(views, timestamps))

@@ -85,6 +85,18 @@ def test_tags_that_keypoints_contradict_are_not_used(synchronized):
         assert "not at those by the creation time, which is not used" in found.contradictions[0]
 
 
+def test_tags_alone_are_too_coarse(synchronized, monkeypatch):
+    def fail(*_, **__):
+        raise DetectionsError("Nobody moves.")
+
+    monkeypatch.setattr(sync_evidence, "judge_sync", fail)
+    tags = tagged(0.0, 4.0, 0.0, 6.0)
+    with pytest.raises(DetectionsError, match="Nobody moves"):
+        synchronize(*synchronized, tags, ONE)
+    found = synchronize(*synchronized, (*tags, *heard(0.0, np.nan, np.nan, 5.94)), ONE)
+    assert offsets_of(found.sync) == pytest.approx({"cam_3": 5.94})
+
+
 def test_wrong_tags_of_views_that_did_not_start_together(walk):
     late = replace(walk, late_s=walk.late_s + np.array((0.0, 1.2, 0.0, 0.0)))
     found = synchronize(*late.watch(), tagged(0.0, 7.0, 0.0, 0.0), ONE)

@@ -227,6 +227,9 @@ class _Planner:
         """Choose what the cameras are calibrated by."""
         run = self.run
         wanted = run.calibration
+        if run.intrinsics is not None:
+            with self._collected():
+                self._locate(run.intrinsics)
         if run.calibration_file is not None or (wanted == "auto" and self.session.recording.calibrations):
             return self._calibration_file(wanted)
         if wanted == "auto":

@@ -66,6 +66,11 @@ def test_a_calibration_and_keypoints_in_the_folder_are_used(videos, scene):
     assert plan_of(videos, RunOptions(calibration="people")).choices.calibration == "people"
 
 
+def test_lenses_that_do_not_exist_are_a_problem_of_the_plan(videos):
+    (problem,) = plan_of(videos, RunOptions(intrinsics="lenses.toml")).problems
+    assert "lenses.toml" in problem
+
+
 def test_a_described_board_is_used_before_people(videos):
     (videos / "calibration").mkdir()
     for name in ("cam_0", "cam_1"):
