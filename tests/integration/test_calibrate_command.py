@@ -77,7 +77,7 @@ def test_report_is_written_unless_it_is_declined(videos, tmp_path, capsys):
         ("charuco:5x6,square=80mm", "more squares than stated, 6 columns and at least 5 rows"),
         ("charuco:6x4,square=80mm", "more squares than stated, 6 columns and at least 5 rows"),
         ("charuco:6x5,square=80mm,dict=4X4_1000,inverted", "remove inverted"),
-        ("charuco:6x5,square=80", "a length with its unit"),
+        ("charuco:6x5,square=80", "a positive length with its unit"),
     ],
 )
 def test_wrong_boards_are_explained(spec, message, videos, tmp_path, capsys):

@@ -295,7 +295,7 @@ class _Terms:
         eliminate_points(factors, eliminated, damping, reduced)
         matrix = self.matrix[np.ix_(columns, columns)]
         matrix[np.diag_indices_from(matrix)] *= 1.0 + damping
-        matrix[np.diag_indices_from(matrix)] += _GAUGE_PRECISION * np.trace(matrix) / len(matrix)
+        matrix[np.diag_indices_from(matrix)] += _GAUGE_PRECISION * np.trace(matrix) / max(len(matrix), 1)
         lower = np.tril(reduced)[:-1, :-1]
         matrix -= lower + lower.T - np.diag(np.diag(lower))
         change = np.zeros(len(self.gradient))

@@ -79,9 +79,8 @@ def _volumes(samples: BodySamples, bones: Bones, state: BodyState, scale: float)
     """Return the logarithms of the inverse volumes in which points explain their observations, (sample, keypoint)."""
     pooled = replace(state, scale=np.full_like(state.scale, scale))
     information = points_information(samples, bones, pooled)
-    size = np.exp(state.log_lengths.mean(axis=1))[samples.person]
     # Relative to the size of bodies, so that the costs do not depend on the unit of length.
-    information = information * np.square(size)[:, None, None]
+    information = information * np.square(_body_sizes(samples, state))[:, None, None]
     n, size = information.shape[0], information.shape[1] // 3
     seen = np.einsum("sii->si", information)[:, ::3] > 0.0
     matrices = information + _FAR**-2.0 * np.eye(3 * size)
@@ -91,6 +90,14 @@ def _volumes(samples: BodySamples, bones: Bones, state: BodyState, scale: float)
     # Bones relate keypoints; what they add belongs to all of a body.
     shared = (total.sum(axis=1) - alone.sum(axis=1)) / np.maximum(seen.sum(axis=1), 1)
     return np.where(seen, alone + shared[:, None], 0.0).reshape(n, size)
+
+
+def _body_sizes(samples: BodySamples, state: BodyState) -> np.ndarray:
+    """Return the size of the body of each sample: of its bones, or without any, of its points."""
+    if state.log_lengths.shape[1]:
+        return np.exp(state.log_lengths.mean(axis=1))[samples.person]
+    spread = np.linalg.norm(state.points - np.nanmean(state.points, axis=(0, 1)), axis=-1)
+    return np.full(len(state.points), np.nanmedian(spread))
 
 
 def observation_costs(residuals: np.ndarray, scale: float) -> np.ndarray:
