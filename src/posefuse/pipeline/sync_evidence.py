@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from posefuse.arguments import checked
-from posefuse.calibration.sound.views import SYSTEMATIC_SD_S, time_by_sound
+from posefuse.calibration.sound.views import time_by_sound
 from posefuse.diagnostics.time_offsets import ViewTiming
 from posefuse.errors import DetectionsError
 from posefuse.io.videos.sound import read_sound
@@ -86,12 +86,7 @@ def sound_evidence(
         sounds.append(read_sound(path, name))
         progress.advance(1)
     progress.finish()
-    return tuple(
-        ClockEvidence(
-            each.view, "sound", each.offset_s, float(np.hypot(each.sd_s, SYSTEMATIC_SD_S)), each.drift_ppm, each.reason
-        )
-        for each in time_by_sound(sounds, reference, progress)
-    )
+    return time_by_sound(sounds, reference, progress)
 
 
 def start_times(starts: Sequence[ClockEvidence]) -> SyncOptions:

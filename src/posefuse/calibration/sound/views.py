@@ -1,7 +1,7 @@
 """Time offsets of all views from the delays of their sounds, pair by pair."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -10,43 +10,19 @@ from scipy.sparse.csgraph import connected_components
 from posefuse.calibration.sound.delay import MIN_OVERLAP_S, Delay, measure_delay
 from posefuse.calibration.sound.onsets import find_onsets
 from posefuse.errors import choices
+from posefuse.model.clock_evidence import ClockEvidence
 from posefuse.model.sound import Sound
 from posefuse.progress import Progress
 
-SYSTEMATIC_SD_S = 0.01
+_SYSTEMATIC_SD_S = 0.01
 """Standard deviation of what a delay of sounds does not show: 2 m of different distance to the source are 6 ms, and
 cameras record sound some milliseconds before or after the images."""
 _CONTRADICTION_S, _CONTRADICTION_Z = 0.03, 5.0
 _DRIFT_Z, _DRIFT_S = 3.0, 0.002
 
 
-@dataclass(frozen=True)
-class SoundTiming:
-    """The timing of one view by its sound.
-
-    Attributes:
-        view: name of the view.
-        offset_s: true time minus timestamp at the view's first image, relative to the reference view; NaN without
-            evidence.
-        sd_s: standard deviation of the offset by the scatter of delays; :data:`SYSTEMATIC_SD_S` is not included.
-        drift_ppm: rate at which the offset grows; 0 unless it is significant.
-        reason: what the offset rests on, or why there is no evidence; one sentence.
-    """
-
-    view: str
-    offset_s: float
-    sd_s: float
-    drift_ppm: float
-    reason: str
-
-    @property
-    def is_decisive(self) -> bool:
-        """Whether the sound determines the offset."""
-        return bool(np.isfinite(self.offset_s))
-
-
-def time_by_sound(sounds: Sequence[Sound], reference: str | None, progress: Progress) -> tuple[SoundTiming, ...]:
-    """Return the timing of every view by its sound.
+def time_by_sound(sounds: Sequence[Sound], reference: str | None, progress: Progress) -> tuple[ClockEvidence, ...]:
+    """Return the evidence of sound on the clock of every view; offsets count from its first image.
 
     Views without evidence (no sound, silence, or sound that no other view recorded) have a reason and no offset.
 
@@ -156,15 +132,17 @@ def _timing(
     solution: dict[int, tuple[float, float, float]],
     delays: dict[tuple[int, int], Delay | None],
     decisive: dict[tuple[int, int], Delay],
-) -> SoundTiming:
+) -> ClockEvidence:
     name = sounds[v].view
     mine = [delay for pair, delay in delays.items() if v in pair]
     if v in solution:
         offset_s, sd_s, drift_ppm = solution[v]
         best = max((delay for pair, delay in decisive.items() if v in pair), key=lambda delay: delay.n_agreeing)
         reason = f"{best.n_agreeing} of {best.n_windows} pieces of sound agree."
-        return SoundTiming(name, offset_s, sd_s, drift_ppm, reason)
-    return SoundTiming(name, np.nan, np.nan, 0.0, _why_not(sounds[v], mine, sounds, bool(solution)))
+        total_sd_s = float(np.hypot(sd_s, _SYSTEMATIC_SD_S))
+        return ClockEvidence(name, "sound", offset_s, total_sd_s, drift_ppm, reason)
+    reason = _why_not(sounds[v], mine, sounds, bool(solution))
+    return ClockEvidence(name, "sound", np.nan, np.nan, 0.0, reason)
 
 
 def _why_not(sound: Sound, delays: list[Delay | None], sounds: Sequence[Sound], others: bool) -> str:
