@@ -39,17 +39,25 @@ def _closeness(points_m: np.ndarray, people: np.ndarray) -> np.ndarray:
     out = np.eye(len(people))
     for person in np.unique(people):
         own = np.flatnonzero(people == person)
-        points = points_m[:, own]
-        apart = np.full((len(own), len(own)), np.inf)
-        for a in range(len(own)):
-            distances = np.linalg.norm(points - points[:, a : a + 1], axis=-1)
-            known = np.isfinite(distances).any(axis=0)
-            apart[a, known] = np.nanmedian(distances[:, known], axis=0)
-        longest = apart[np.isfinite(apart)].max(initial=0.0)
-        if longest > 0.0:
-            out[np.ix_(own, own)] = np.exp(-np.square(apart / (_REACH * longest)))
+        out[np.ix_(own, own)] = similarity(points_m[:, own], _REACH)
     np.fill_diagonal(out, 1.0)
     return out
+
+
+def similarity(points_m: np.ndarray, reach: float) -> np.ndarray:
+    """Return how close the keypoints of a body are: 1 at one place, 0 far away; shape (keypoint, keypoint).
+
+    Args:
+        points_m: shape (sample, keypoint, 3), NaN where unknown.
+        reach: distance at which the similarity is exp(-1), as a share of the longest distance in the body.
+    """
+    apart = np.full((points_m.shape[1], points_m.shape[1]), np.inf)
+    for a in range(len(apart)):
+        distances = np.linalg.norm(points_m - points_m[:, a : a + 1], axis=-1)
+        known = np.isfinite(distances).any(axis=0)
+        apart[a, known] = np.nanmedian(distances[:, known], axis=0)
+    longest = apart[np.isfinite(apart)].max(initial=0.0)
+    return np.exp(-np.square(apart / (reach * longest))) if longest > 0.0 else np.eye(len(apart))
 
 
 def _share(rows: Rows, kernel: np.ndarray) -> float:

@@ -18,6 +18,7 @@ from posefuse.calibration.joint.parameters import JointParameters
 from posefuse.calibration.joint.prior import Prior
 from posefuse.calibration.joint.recording import JointRecording
 from posefuse.calibration.joint.reweighted import reweighted
+from posefuse.calibration.joint.similar_errors import similarity
 from posefuse.calibration.people.agreement import estimate_with_prior
 from posefuse.calibration.people.held_out import held_out_errors
 from posefuse.calibration.people.joint_recording import NOISE_PER_WIDTH, joint_recording
@@ -220,16 +221,8 @@ def _crowding(rows: Rows, place: np.ndarray) -> np.ndarray:
     out = np.ones(rows.points_m.shape[1])
     for columns in place:
         chosen = columns[columns >= 0]
-        points = rows.points_m[:, chosen]
-        apart = np.full((len(chosen), len(chosen)), np.inf)
-        for a in range(len(chosen)):
-            distances = np.linalg.norm(points - points[:, a : a + 1], axis=-1)
-            known = np.isfinite(distances).any(axis=0)
-            apart[a, known] = np.nanmedian(distances[:, known], axis=0)
-        longest = apart[np.isfinite(apart)].max(initial=0.0)
-        if longest > 0.0:
-            similar = np.exp(-np.square(apart / (_NEAR * longest)))
-            out[chosen] = np.sqrt(np.maximum(similar.sum(axis=1), 1.0))
+        similar = similarity(rows.points_m[:, chosen], _NEAR)
+        out[chosen] = np.sqrt(np.maximum(similar.sum(axis=1), 1.0))
     return out
 
 

@@ -54,15 +54,21 @@ def _distance(pixels, a, b, shift, mirror, least_common):
         total = 0.0
         common = 0
         for k in range(pixels.shape[1]):
-            other = mirror[k] if swapped else k
-            dx = pixels[a, other, 0] + shift[0] - pixels[b, k, 0]
-            dy = pixels[a, other, 1] + shift[1] - pixels[b, k, 1]
-            if np.isfinite(dx) and np.isfinite(dy):
-                total += min(np.sqrt(dx * dx + dy * dy), bound)
+            distance = _keypoint_distance(pixels, a, mirror[k] if swapped else k, b, k, shift)
+            if np.isfinite(distance):
+                total += min(distance, bound)
                 common += 1
         if common >= least_common and extent > 0.0:
             best = min(best, total / common / extent)
     return best
+
+
+@subroutine
+def _keypoint_distance(pixels, a, first, b, second, shift):
+    """Return the distance of a keypoint of a detection, moved by a shift, from one of another in px; NaN if missing."""
+    dx = pixels[a, first, 0] + shift[0] - pixels[b, second, 0]
+    dy = pixels[a, first, 1] + shift[1] - pixels[b, second, 1]
+    return np.sqrt(dx * dx + dy * dy)
 
 
 @subroutine
@@ -96,12 +102,10 @@ def _mostly_within(pixels, a, b, shift, mirror, limits):
         common = 0
         within = 0
         for k in range(pixels.shape[1]):
-            other = mirror[k] if swapped else k
-            dx = pixels[a, other, 0] + shift[0] - pixels[b, k, 0]
-            dy = pixels[a, other, 1] + shift[1] - pixels[b, k, 1]
-            if np.isfinite(dx) and np.isfinite(dy):
+            distance = _keypoint_distance(pixels, a, mirror[k] if swapped else k, b, k, shift)
+            if np.isfinite(distance):
                 common += 1
-                within += np.sqrt(dx * dx + dy * dy) <= most
+                within += distance <= most
         if common >= limits[1] and 2 * within >= common:
             return True
     return False
