@@ -96,6 +96,14 @@ def test_checkerboard_of_another_size_is_named(tmp_path, capsys):
     assert "6 x 4 inner corners, fewer than stated: write checkerboard:6x4" in text
 
 
+def test_another_kind_of_board_is_named(videos, tmp_path, capsys):
+    with pytest.raises(SystemExit):
+        main(["calibrate", str(videos), "--board", "checkerboard:7x5,square=80mm", "--jobs", "1",
+              "-o", str(tmp_path / "c.toml")])  # fmt: skip
+    text = " ".join(capsys.readouterr().err.split())
+    assert "The images show another board: write charuco:6x5,square=30mm,marker=0.75,dict=4X4_50" in text
+
+
 def test_board_seen_by_one_camera_only_is_named(videos, tmp_path, capsys):
     copied = tmp_path / "videos"
     copied.mkdir()

@@ -173,20 +173,6 @@ class ImageReader:
             )
 
 
-def gray_image(view: ViewImages, number: int) -> np.ndarray | None:
-    """Return one image of a camera, shape (height, width), uint8; None if a video breaks off before it.
-
-    Raises:
-        FileError: if it cannot be read.
-    """
-    if not view.is_video:
-        return _first_image(view.files[number])
-    index = read_frame_index(view.files[0])
-    from_s = float(index.time_s[min(number, index.n_images - 1)])
-    images = open_video(view.files[0]).images(from_s, "gray", lambda n: n == number)
-    return next((image.rgb for image in images), None)
-
-
 def image_count(view: ViewImages) -> int:
     """Return the number of images of a camera, counted without decoding a video.
 

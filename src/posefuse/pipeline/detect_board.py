@@ -24,6 +24,7 @@ from posefuse.calibration.boards.choose_frames import (
 )
 from posefuse.detection.boards import detector as detector_module
 from posefuse.detection.boards.detector import BoardDetector
+from posefuse.detection.boards.layout import Layout, find_layout
 from posefuse.detection.boards.search import BoardSearch
 from posefuse.errors import CalibrationError
 from posefuse.io.board_images import ImageReader, ViewImages, image_count
@@ -36,6 +37,7 @@ from posefuse.pipeline.wrong_board import explain_missing_board, require_stated_
 from posefuse.progress import Progress, Silent
 
 _CACHE = "boards"
+_PROGRAMS = ("detector.py", "layout.py", "search.py")
 _ARRAYS = ("size_px", "numbers", "time_s", "corners_px")
 
 
@@ -51,6 +53,7 @@ class ViewCorners:
         corners_px: shape (image, corner, 2), NaN where not found.
         labels: names of the images: those of pictures, empty for a video.
         notes: sentences for the user, such as that a video breaks off.
+        other_size: size of the board in the image with the most corners, if it is not the stated one.
     """
 
     name: str
@@ -60,6 +63,7 @@ class ViewCorners:
     corners_px: np.ndarray
     labels: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    other_size: Layout | None = None
 
     @property
     def n_found(self) -> int:
@@ -106,14 +110,8 @@ def detect_board(
         found = run(views, wanted, name="detecting the board")
     if not any(view.n_found for view in found):
         raise CalibrationError(explain_missing_board(views, board))
-    require_stated_board(views, board, [_best_image(view) for view in found])
+    require_stated_board([view.other_size for view in found], board)
     return found
-
-
-def _best_image(view: ViewCorners) -> int | None:
-    """Return the number of the image with the most corners, or None if none shows the board."""
-    counts = np.isfinite(view.corners_px[:, :, 0]).sum(axis=1)
-    return int(view.numbers[np.argmax(counts)]) if counts.any() else None
 
 
 def _detect_views(
@@ -146,16 +144,19 @@ def _detect_view(view: ViewImages, detector: BoardDetector, wanted: np.ndarray) 
     """Return the corners in some images of one camera, from the cache if they are there."""
     labels = () if view.is_video else tuple(file.name for file in view.files)
     key = _key(view, detector, wanted)
-    cached = read_cached(_CACHE, key, (*_ARRAYS, "notes"))
+    cached = read_cached(_CACHE, key, (*_ARRAYS, "notes", "other_size"))
     if cached is not None:
         width, height = cached["size_px"].tolist()
         # Names of cameras are those of the files, which the content does not determine.
         notes = tuple(str(note).format(name=view.name) for note in cached["notes"])
         arrays = {name: cached[name] for name in _ARRAYS[1:]}
-        return ViewCorners(view.name, (width, height), **arrays, labels=labels, notes=notes)
+        other = Layout(*cached["other_size"].tolist()) if len(cached["other_size"]) else None
+        return ViewCorners(view.name, (width, height), **arrays, labels=labels, notes=notes, other_size=other)
     found = _examine(view, detector, wanted, labels)
     notes = np.array([note.replace(repr(view.name), "{name!r}") for note in found.notes], dtype=np.str_)
-    write_cached(_CACHE, key, {name: np.asarray(getattr(found, name)) for name in _ARRAYS} | {"notes": notes})
+    other = np.array([] if found.other_size is None else astuple(found.other_size), dtype=np.int64)
+    arrays = {name: np.asarray(getattr(found, name)) for name in _ARRAYS}
+    write_cached(_CACHE, key, arrays | {"notes": notes, "other_size": other})
     return found
 
 
@@ -169,8 +170,7 @@ def _key(view: ViewImages, detector: BoardDetector, wanted: np.ndarray) -> str:
             "thorough": detector.thorough,
             "versions": [version("posefuse"), version("av"), detector.library_version],
             # The cache outlives changes of the program.
-            "program": digest_path(Path(detector_module.__file__).with_name("detector.py")),
-            "search": digest_path(Path(detector_module.__file__).with_name("search.py")),
+            "programs": [digest_path(Path(detector_module.__file__).with_name(name)) for name in _PROGRAMS],
         }
     )
 
@@ -178,7 +178,7 @@ def _key(view: ViewImages, detector: BoardDetector, wanted: np.ndarray) -> str:
 def _examine(view: ViewImages, detector: BoardDetector, wanted: np.ndarray, labels: tuple[str, ...]) -> ViewCorners:
     """Return the corners in some images of one camera."""
     numbers, times, corners = [], [], []
-    size = (0, 0)
+    size, most, best = (0, 0), 0, None
     reader, search = ImageReader(view), BoardSearch(detector) if view.is_video else detector
     for image in reader.images(frozenset(wanted.tolist()).__contains__):
         shape = image.gray.shape[1], image.gray.shape[0]
@@ -191,7 +191,11 @@ def _examine(view: ViewImages, detector: BoardDetector, wanted: np.ndarray, labe
         numbers.append(image.number)
         times.append(image.time_s)
         corners.append(search.corners_px(image.gray))
+        n_found = int(np.isfinite(corners[-1][:, 0]).sum())
+        if n_found > most:
+            most, best = n_found, image.gray
+    other = None if best is None else find_layout(detector.board, best)
     pixels = np.array(corners).reshape(len(corners), -1, 2)
     return ViewCorners(
-        view.name, size, np.array(numbers, dtype=np.int64), np.array(times), pixels, labels, tuple(reader.notes)
+        view.name, size, np.array(numbers, dtype=np.int64), np.array(times), pixels, labels, tuple(reader.notes), other
     )

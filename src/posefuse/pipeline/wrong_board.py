@@ -1,58 +1,71 @@
 """What is wrong with a board that the images do not show: another dictionary or size, mirrored images."""
 
 from collections.abc import Iterator, Sequence
+from itertools import zip_longest
 
 import numpy as np
 
-from posefuse.detection.boards.detector import MarkersFound, identify_markers
-from posefuse.detection.boards.layout import Layout, find_checkerboard, find_layout
+from posefuse.detection.boards.identify import identify_board
+from posefuse.detection.boards.layout import Layout, find_layout
+from posefuse.detection.boards.markers import MarkersFound, identify_markers
 from posefuse.errors import CalibrationError
-from posefuse.io.board_images import ImageReader, ViewImages, gray_image, image_count
+from posefuse.io.board_images import ImageReader, ViewImages, image_count
 from posefuse.model.board import Board
 
 _N_EXAMPLES = 6
 _N_CHECKED = 4
+_N_AT_ONCE = 8
 
 
 def explain_missing_board(views: Sequence[ViewImages], board: Board) -> str:
     """Return why no image shows the board, from what the images contain instead."""
     text = f"No image shows the board {board}."
-    images = [gray for view in views for gray in _examples(view)]
+    examples = [list(_examples(view)) for view in views]
+    # The images of all cameras in turn, because the first ones usually suffice.
+    images = [gray for together in zip_longest(*examples) for gray in together if gray is not None]
     if board.kind == "checkerboard":
-        found = next((layout for gray in images if (layout := find_checkerboard(board, gray)) is not None), None)
+        found = _other_board(board, images)
         if found is not None:
-            return (
-                f"{text} The images show a checkerboard of {found.columns} x {found.rows} inner corners, "
-                f"{_more(found, board)} than stated: write checkerboard:{found.columns}x{found.rows}."
-            )
+            return f"{text} {found}"
         return (
             f"{text} Check its numbers of columns and rows (inner corners, one fewer than squares), and that it is "
             "flat, sharp and well lit."
         )
     other = identify_markers(images)
     if other is not None:
-        return f"{text} {_difference(other, board, images)}"
+        best = [images[k] for k in other.images[:_N_CHECKED]]
+        return f"{text} {_difference(other, board, best)}"
     return f"{text} Check its numbers of columns and rows and its dictionary, and that it is flat, sharp and well lit."
 
 
-def require_stated_board(views: Sequence[ViewImages], board: Board, best: Sequence[int | None]) -> None:
+def _other_board(board: Board, images: list[np.ndarray]) -> str | None:
+    """Return which board some images show instead of a checkerboard, or None."""
+    batches = (images[k : k + _N_AT_ONCE] for k in range(0, len(images), _N_AT_ONCE))
+    other = next((found for batch in batches if (found := identify_board(batch)) is not None), None)
+    if other is None or other.agrees_with(board):
+        return None
+    if other.kind != "checkerboard":
+        return f"The images show another board: write {other.spec('30mm')} with the side that you measure."
+    columns, rows = (other.columns, other.rows) if board.columns >= board.rows else (other.rows, other.columns)
+    return (
+        f"The images show a checkerboard of {columns} x {rows} inner corners, "
+        f"{_more(Layout(columns, rows), board)} than stated: write checkerboard:{columns}x{rows}."
+    )
+
+
+def require_stated_board(layouts: Sequence[Layout | None], board: Board) -> None:
     """Check that the board in the images has the stated number of columns and rows.
 
     Args:
-        views: images of each camera.
+        layouts: for each camera, the size of the board where it differs from the stated one.
         board: the stated board.
-        best: for each camera, the number of the image with the most corners.
 
     Raises:
         CalibrationError: if the markers are arranged otherwise in the images.
     """
-    for view, number in list(zip(views, best, strict=True))[:_N_CHECKED]:
-        if number is None:
-            continue
-        image = gray_image(view, number)
-        layout = None if image is None else find_layout(board, image)
-        if layout is not None:
-            raise CalibrationError(f"The board {board} does not fit the images. {_size(layout, board)}")
+    layout = next((each for each in layouts if each is not None), None)
+    if layout is not None:
+        raise CalibrationError(f"The board {board} does not fit the images. {_size(layout, board)}")
 
 
 def _examples(view: ViewImages) -> Iterator[np.ndarray]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from posefuse.detection.boards.library import dictionary_of, import_opencv
-from posefuse.model.board import APRILTAG_DICTIONARIES, ARUCO_DICTIONARIES, Board, marker_count
+from posefuse.model.board import Board
 
 MIN_CORNERS = 4
 """Fewest corners of an image that are used."""
@@ -19,10 +19,6 @@ _REFINE_SHARE = 0.35
 _REFINE_HALF_PX = (2, 15)
 _REFINE_STEPS = 30
 _REFINE_PX = 1e-3
-_MIN_IDENTIFYING_MARKERS = 3
-MARKER_FAMILIES = (
-    tuple(name for name in ARUCO_DICTIONARIES if name.endswith(("_1000", "ORIGINAL"))) + APRILTAG_DICTIONARIES
-)
 
 
 @dataclass(frozen=True)
@@ -128,57 +124,3 @@ def _found(numbers: Any, pixels: Any) -> tuple[np.ndarray, np.ndarray]:
     if numbers is None or len(numbers) == 0:
         return np.empty(0, dtype=np.int64), np.empty((0, 2))
     return np.ravel(numbers).astype(np.int64), np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
-
-
-@dataclass(frozen=True)
-class MarkersFound:
-    """Markers that images contain instead of those expected.
-
-    Attributes:
-        dictionary: name of the smallest dictionary with the most markers.
-        n_markers: number of different markers found.
-        highest: largest number of a marker.
-        inverted: whether black and white are swapped.
-        mirrored: whether the images are mirrored.
-    """
-
-    dictionary: str
-    n_markers: int
-    highest: int
-    inverted: bool
-    mirrored: bool
-
-
-def identify_markers(grays: list[np.ndarray]) -> MarkersFound | None:
-    """Return which markers some images contain, tried over all dictionaries; None if there are no markers.
-
-    Args:
-        grays: images, each of shape (height, width), uint8.
-    """
-    cv2 = import_opencv()
-    best: MarkersFound | None = None
-    for mirrored in (False, True):
-        for inverted in (False, True):
-            images = [_changed(gray, inverted=inverted, mirrored=mirrored) for gray in grays]
-            for name in MARKER_FAMILIES:
-                detector = cv2.aruco.ArucoDetector(dictionary_of(name))
-                seen: set[int] = set()
-                for image in images:
-                    numbers = detector.detectMarkers(image)[1]
-                    seen |= set() if numbers is None else set(np.ravel(numbers).tolist())
-                if len(seen) >= _MIN_IDENTIFYING_MARKERS and (best is None or len(seen) > best.n_markers):
-                    best = MarkersFound(smallest_dictionary(name, max(seen)), len(seen), max(seen), inverted, mirrored)
-    return best
-
-
-def smallest_dictionary(name: str, highest: int) -> str:
-    """Return the smallest dictionary of a family that has a marker; small ones begin the large ones."""
-    family = name.rsplit("_", 1)[0]
-    sizes = [each for each in ARUCO_DICTIONARIES if each.startswith(f"{family}_") and name in ARUCO_DICTIONARIES]
-    return next((each for each in sizes if marker_count(each) > highest), name)
-
-
-def _changed(gray: np.ndarray, *, inverted: bool, mirrored: bool) -> np.ndarray:
-    """Return an image with black and white swapped, and mirrored."""
-    image = 255 - gray if inverted else gray
-    return np.ascontiguousarray(image[:, ::-1]) if mirrored else image

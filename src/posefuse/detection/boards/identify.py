@@ -10,13 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from posefuse.detection.boards.detector import MARKER_FAMILIES, smallest_dictionary
 from posefuse.detection.boards.layout import FITS, MAX_COLUMNS, count_rows, fitting_markers, layout_misfit
 from posefuse.detection.boards.library import dictionary_of, import_opencv
+from posefuse.detection.boards.markers import MARKER_FAMILIES, MOST_MARKERS, smallest_dictionary
 from posefuse.model.board import APRILTAG_DICTIONARIES, ARUCO_DICTIONARIES, Board, BoardKind
 
-_MOST_MARKERS = 100
-"""Number of markers of a dictionary that are tried; a board of 14 x 14 squares has 98."""
 _MIN_MARKERS = 5
 _LARGEST_PX = 1280
 _CORNERS_PX = 960
@@ -111,7 +109,7 @@ def _identify_markers(images: Sequence[np.ndarray]) -> IdentifiedBoard | None:
     cv2 = import_opencv()
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-    detector = cv2.aruco.ArucoDetector([dictionary_of(name, _MOST_MARKERS) for name in MARKER_FAMILIES], parameters)
+    detector = cv2.aruco.ArucoDetector([dictionary_of(name, MOST_MARKERS) for name in MARKER_FAMILIES], parameters)
     found: dict[tuple[int, bool], list[_Markers]] = {}
     for image in images:
         for inverted in (False, True):

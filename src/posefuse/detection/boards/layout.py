@@ -10,14 +10,13 @@ from posefuse.model.board import Board, marker_count
 
 MAX_COLUMNS = 24
 _MIN_MARKERS = 5
+_SEARCHED_MARKERS = 100
 FITS, _DOES_NOT_FIT = 0.06, 0.2
 """Root mean square distances of marker corners from a flat board, as shares of a marker's side."""
 
 _MOST_SAMPLES = 50
 """Largest number of samples of four corners from which a board is fitted if some markers are not on it."""
 _DRAWN_MARKER, _DRAWN_GAP = 0.5, 1.0
-
-_SIZE_STEPS = (-1, 1, -2, 2, -3, 3)
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,9 @@ def find_layout(board: Board, gray: np.ndarray) -> Layout | None:
     if board.kind == "checkerboard":
         return None
     cv2 = import_opencv()
-    detector = cv2.aruco.ArucoDetector(dictionary_of(board.dictionary))
+    # Those of a board of twice the size; OpenCV compares every square shape with every marker.
+    n_markers = max(_SEARCHED_MARKERS, 4 * board.n_markers)
+    detector = cv2.aruco.ArucoDetector(dictionary_of(board.dictionary, n_markers))
     corners, numbers, _ = detector.detectMarkers(255 - gray if board.inverted else gray)
     if numbers is None or len(numbers) < _MIN_MARKERS:
         return None
@@ -122,17 +123,3 @@ def _places(cv2: Any, board: Board, columns: int, highest: int) -> np.ndarray | 
     pattern = cv2.aruco.GridBoard((columns, rows), side, side * _DRAWN_GAP, dictionary)
     corners = np.asarray(pattern.getObjPoints(), dtype=np.float64)[:, :, :2]
     return corners - corners[:, :1] * ((_DRAWN_GAP - board.gap) / (1.0 + _DRAWN_GAP))
-
-
-def find_checkerboard(board: Board, gray: np.ndarray) -> Layout | None:
-    """Return the numbers of inner corners of a checkerboard of a similar size, or None."""
-    cv2 = import_opencv()
-    image = 255 - gray if board.inverted else gray
-    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
-    steps = [(a, b) for a in (0, *_SIZE_STEPS) for b in (0, *_SIZE_STEPS) if (a, b) != (0, 0)]
-    # Larger boards first: a small one is found in part of a large one.
-    for a, b in sorted(steps, key=lambda step: -(board.columns + step[0]) * (board.rows + step[1])):
-        columns, rows = board.columns + a, board.rows + b
-        if min(columns, rows) >= 3 and cv2.findChessboardCorners(image, (columns, rows), flags=flags)[0]:
-            return Layout(columns, rows)
-    return None

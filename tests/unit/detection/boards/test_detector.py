@@ -1,9 +1,9 @@
-"""Corners are found where they were drawn, and other markers are named."""
+"""Corners are found where they were drawn."""
 
 import numpy as np
 import pytest
 
-from posefuse.detection.boards.detector import BoardDetector, identify_markers
+from posefuse.detection.boards.detector import BoardDetector
 from posefuse.io.board_specs import read_board_spec
 from tests.boards import picture
 
@@ -64,15 +64,3 @@ def test_detectors_can_be_sent_to_other_processes():
     detector = BoardDetector(read_board_spec(BOARDS[0]), thorough=True)
     detector.corners_px(np.zeros((100, 100), dtype=np.uint8))
     assert pickle.loads(pickle.dumps(detector)) == detector
-
-
-def test_markers_are_identified():
-    board = read_board_spec("charuco:5x4,square=30mm,dict=5X5_50,inverted")
-    small = picture(board, px_per_m=1400.0)
-    found = identify_markers([small])
-    assert found is not None
-    assert (found.dictionary, found.inverted, found.mirrored) == ("5X5_50", True, False)
-    mirrored = identify_markers([np.ascontiguousarray(small[:, ::-1])])
-    assert mirrored is not None
-    assert mirrored.mirrored
-    assert identify_markers([np.full((200, 200), 127, dtype=np.uint8)]) is None

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from posefuse.errors import FileError
-from posefuse.io.board_images import ImageReader, ViewImages, gray_image
 from posefuse.io.videos import library
 from posefuse.io.videos.frame_index import read_frame_index
 from posefuse.io.videos.mp4 import is_playable, transcode_to_mp4
@@ -154,14 +153,3 @@ def test_an_unknown_codec_is_one_sentence(tmp_path):
     path.write_bytes(path.read_bytes().replace(b"avc1", b"xyz1"))
     with pytest.raises(FileError, match=r"a\.mp4 has a codec that PyAV cannot decode. Convert it"):
         open_video(path)
-
-
-def test_single_image_of_a_view_is_that_of_its_number(tmp_path):
-    """It is decoded from a place shortly before it."""
-    path = film(tmp_path / "a.mp4", np.arange(200) / 25.0)
-    view = ViewImages("a", (path,), is_video=True)
-    for image in ImageReader(view).images({3, 180, 199}.__contains__):
-        alone = gray_image(view, image.number)
-        assert alone is not None
-        np.testing.assert_array_equal(alone, image.gray)
-    assert gray_image(view, 200) is None
