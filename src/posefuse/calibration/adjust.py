@@ -10,7 +10,13 @@ from typing import Protocol, Self, TypeVar
 
 import numpy as np
 
-from posefuse.calibration.normal_equations import NormalEquations, Observations, ResidualRows, compute_rows
+from posefuse.calibration.normal_equations import (
+    NormalEquations,
+    Observations,
+    ResidualRows,
+    compute_rows,
+    shared_columns,
+)
 from posefuse.calibration.parameters import FreeParameters, apply_changes
 from posefuse.calibration.point_observations import PointObservations
 from posefuse.model.cameras import CameraRig
@@ -172,7 +178,7 @@ def descend(
         The model, its residuals and the damping.
     """
     rows = model.rows(scale)
-    columns = np.flatnonzero(free.ravel())
+    columns, shared = np.flatnonzero(free.ravel()), shared_columns(free, rows.n_shared)
     for _ in range(_MAX_STEPS):
         normal = NormalEquations.of(rows, model.observations, model.n_views, rows.weight)
         gain = 0.0
@@ -180,7 +186,8 @@ def descend(
             reduced = normal.reduced(columns, damping)
             change = np.zeros(free.size)
             if len(columns):
-                change[columns] = np.linalg.lstsq(reduced.matrix, -reduced.gradient, rcond=1e-14)[0]
+                matrix, gradient = shared.T @ reduced.matrix @ shared, shared.T @ reduced.gradient
+                change[columns] = shared @ np.linalg.lstsq(matrix, -gradient, rcond=1e-14)[0]
             change = change.reshape(free.shape)
             candidate = model.moved(change, normal.points_step(reduced, change))
             new_rows = candidate.rows(scale)

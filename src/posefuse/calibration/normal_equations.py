@@ -63,6 +63,7 @@ class ResidualRows:
         by_point: shape (observation, 2, D): by the point in world coordinates, or by the pose of its board.
         squared: shape (observation,): squared residual; a large value where the camera cannot see the point.
         prior: prior of the cameras, or None.
+        n_shared: number of parameters that all views share; they are the last ones of each camera.
     """
 
     residual: np.ndarray
@@ -70,6 +71,7 @@ class ResidualRows:
     by_point: np.ndarray
     squared: np.ndarray
     prior: Prior | None = None
+    n_shared: int = 0
 
     @property
     def cost(self) -> float:
@@ -278,6 +280,24 @@ class NormalEquations:
         right = -self.point_gradient - np.add.reduceat(along, starts, axis=0)
         inner = reduced.root @ right[:, :, None]
         return (reduced.root.transpose(0, 2, 1) @ inner)[:, :, 0]
+
+
+def shared_columns(free: np.ndarray, n_shared: int) -> np.ndarray:
+    """Return the free parameters of all views (rows) as a function of those that differ, shape (free, different).
+
+    Args:
+        free: shape (view, P), bool: free parameters; shared ones are free in all views or in none.
+        n_shared: number of parameters that all views share; the last ones of P. They are the last columns.
+    """
+    view, parameter = np.nonzero(free)
+    shared = parameter - (free.shape[1] - n_shared)
+    own = shared < 0
+    n_own = int(own.sum())
+    used = np.unique(shared[~own])
+    column = np.where(own, np.cumsum(own) - 1, n_own + np.searchsorted(used, shared))
+    out = np.zeros((len(view), n_own + len(used)))
+    out[np.arange(len(view)), column] = 1.0
+    return out
 
 
 def _sum_by_point(values: np.ndarray, observations: Observations) -> np.ndarray:

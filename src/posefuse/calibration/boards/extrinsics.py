@@ -11,15 +11,15 @@ from posefuse.calibration.boards.model import BoardModel
 from posefuse.calibration.boards.observations import CornerObservations
 from posefuse.calibration.boards.parameters import N_PARAMETERS, OFFSET, POSE, LensPrior, free_lens
 from posefuse.calibration.boards.pose_graph import CameraGraph, ViewPoses, connect
+from posefuse.calibration.boards.shaped_model import ShapedModel, with_free_shape
 from posefuse.calibration.boards.start_times import TimedPoses
-from posefuse.calibration.normal_equations import ResidualRows
 from posefuse.errors import CalibrationError, choices
 from posefuse.model.board import Board
 from posefuse.model.cameras import Camera, CameraRig
 
 _MAX_POSES = 400
 _START_ERROR = 50.0
-_MOTION_ITERATIONS = 6
+_MOTION_ITERATIONS = 40
 _MAX_PNP_ERROR_PX = 20.0
 _CONVERGED_S = 1e-5
 
@@ -31,14 +31,12 @@ class BoardSolution:
     Attributes:
         model: cameras and poses.
         scale: shape (view,): noise factor of each view.
-        rows: residuals and derivatives.
         free: shape (view, 19), bool: free parameters.
         graph: how the cameras are connected.
     """
 
     model: BoardModel
     scale: np.ndarray
-    rows: ResidualRows
     free: np.ndarray
     graph: CameraGraph
 
@@ -76,29 +74,29 @@ def solve_extrinsics(
     model = BoardModel.at_rest(rig, rotations[known], origins[known], board, corners, priors)
     free = np.zeros((len(cameras), N_PARAMETERS), dtype=bool)
     free[1:, POSE] = True
-    model, scale, rows = estimate(model, free, _START_ERROR)
+    model, scale, _ = estimate(model, free, _START_ERROR)
     for v, is_free in enumerate(free_lenses):
         free[v] |= free_lens(cameras[v]) & is_free
+    free[1:, OFFSET] = has_rate
+    shaped, all_free = ShapedModel(model), with_free_shape(free)
     if has_rate:
-        model, scale, rows = _with_motion(model, free, scale)
+        shaped, scale = _with_motion(shaped, all_free, scale)
     else:
-        model, scale, rows = estimate(model, free, float(np.nanmax(scale)))
-    return BoardSolution(model, scale, rows, free, graph)
+        shaped, scale, _ = estimate(shaped, all_free, float(np.nanmax(scale)))
+    return BoardSolution(shaped.board, scale, free, graph)
 
 
-def _with_motion(model: BoardModel, free: np.ndarray, scale: np.ndarray) -> tuple[BoardModel, np.ndarray, ResidualRows]:
+def _with_motion(model: ShapedModel, free: np.ndarray, scale: np.ndarray) -> tuple[ShapedModel, np.ndarray]:
     """Estimate time offsets, too; velocities follow from the poses and are repeated until the offsets converge."""
-    free[1:, OFFSET] = True
-    rows, damping = model.rows(scale), 1e-3
+    damping = 1e-3
     for _ in range(_MOTION_ITERATIONS):
-        before = model.offset_s
-        model = model.moving()
+        before = model.board.offset_s
+        model = ShapedModel(model.board.moving())
         model, rows, damping = descend(model, free, scale, 1e-3, 1e-4)
         scale = noise_factors(rows, scale, model.observations)
-        if np.abs(model.offset_s - before).max() < _CONVERGED_S:
+        if np.abs(model.board.offset_s - before).max() < _CONVERGED_S:
             break
-    model, rows, _ = descend(model, free, scale, damping, 1e-7)
-    return model, scale, rows
+    return descend(model, free, scale, damping, 1e-7)[0], scale
 
 
 def timed_poses(cameras: tuple[Camera, ...], board: Board, corners: CornerObservations) -> list[TimedPoses]:

@@ -5,7 +5,7 @@ the time of the image. Velocity and acceleration of the board come from the pose
 during an adjustment.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -20,6 +20,7 @@ from posefuse.calibration.boards.parameters import (
     changed,
     lens_values,
 )
+from posefuse.calibration.boards.shape import N_SHAPE, shape_directions
 from posefuse.calibration.normal_equations import Prior, ResidualRows, residual_rows
 from posefuse.model.board import Board
 from posefuse.model.cameras import Camera, CameraRig
@@ -41,6 +42,7 @@ class BoardModel:
         board: the board.
         observations: of its corners.
         priors: of the lenses, one per camera; none for lenses that are fixed.
+        shape: shape (5,): how the board differs from its description, see :mod:`posefuse.calibration.boards.shape`.
     """
 
     rig: CameraRig
@@ -51,6 +53,7 @@ class BoardModel:
     board: Board
     observations: CornerObservations
     priors: tuple[LensPrior, ...] = ()
+    shape: np.ndarray = field(default_factory=lambda: np.zeros(N_SHAPE))
 
     @classmethod
     def at_rest(
@@ -71,16 +74,30 @@ class BoardModel:
         """Number of cameras."""
         return len(self.rig)
 
+    @property
+    def corners_m(self) -> np.ndarray:
+        """Corners on the board, shape (corner, 3)."""
+        return self.board.points_m + shape_directions(self.board) @ self.shape
+
+    def _lag_s(self) -> np.ndarray:
+        """Return the time of each observation's image minus that of the pose, shape (observation,)."""
+        return self.observations.delay_s + self.offset_s[self.observations.view]
+
+    def image_rotations(self) -> np.ndarray:
+        """Return rotations of the board at the times of the images, world from board, shape (observation, 3, 3)."""
+        point, lag = self.observations.point, self._lag_s()[:, None]
+        motion = self.motion.at(point)
+        turns = Rotation.from_rotvec((motion.spin + 0.5 * motion.spin_rate * lag) * lag)
+        return turns.as_matrix() @ self.rotations[point]
+
     def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return arms from the origin of the board to the observed corners, the corners, and their velocities.
 
         All are at the times of the images, in the world, of shape (observation, 3).
         """
         seen = self.observations
-        lag = (seen.delay_s + self.offset_s[seen.view])[:, None]
-        arms = (self.rotations[seen.point] @ self.board.points_m[seen.corner][:, :, None])[:, :, 0]
-        motion = self.motion.at(seen.point)
-        arms = Rotation.from_rotvec((motion.spin + 0.5 * motion.spin_rate * lag) * lag).apply(arms)
+        lag, motion = self._lag_s()[:, None], self.motion.at(seen.point)
+        arms = (self.image_rotations() @ self.corners_m[seen.corner][:, :, None])[:, :, 0]
         places = self.origins_m[seen.point] + arms + (motion.velocity + 0.5 * motion.acceleration * lag) * lag
         moves = np.cross(motion.spin + motion.spin_rate * lag, arms) + motion.velocity + motion.acceleration * lag
         return arms, places, moves
@@ -123,10 +140,16 @@ class BoardModel:
     def moving(self) -> "BoardModel":
         """Return the model with the motion that follows from the poses before and after, where both are close in time.
 
-        Images are assigned to the pose closest to them in time.
+        Images are assigned to the pose closest to them in time, and poses are those at the mean time of their images:
+        otherwise, one that a single view observes would depend on its own velocity, and diverge when this is repeated.
         """
-        motion = Motion.of(self.rotations, self.origins_m, self.observations.time_s)
-        return replace(self, motion=motion, observations=self.observations.closest(self.offset_s))
+        seen, used = self.observations.closest(self.offset_s)
+        motion, later_s = self.motion.at(used), (seen.time_s - self.observations.time_s[used])[:, None]
+        turns = Rotation.from_rotvec((motion.spin + 0.5 * motion.spin_rate * later_s) * later_s)
+        rotations = turns.as_matrix() @ self.rotations[used]
+        origins = self.origins_m[used] + (motion.velocity + 0.5 * motion.acceleration * later_s) * later_s
+        motion = Motion.of(rotations, origins, seen.time_s)
+        return replace(self, rotations=rotations, origins_m=origins, motion=motion, observations=seen)
 
     def select_poses(self, chosen: np.ndarray) -> "BoardModel":
         """Return the model of some poses, which keep their motion; ``chosen`` has shape (pose,), bool."""
@@ -140,7 +163,7 @@ class BoardModel:
 
     def corner_places(self) -> np.ndarray:
         """Return all corners at the times of the poses, shape (pose, corner, 3), in the world."""
-        return self.board.points_m @ self.rotations.transpose(0, 2, 1) + self.origins_m[:, None]
+        return self.corners_m @ self.rotations.transpose(0, 2, 1) + self.origins_m[:, None]
 
     def point_rows(self, change_m: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return residuals and derivatives by the observed points of corners that need not lie on the board.

@@ -58,21 +58,27 @@ class CornerObservations:
         own = self._rows(rows)
         return replace(own, view=np.zeros(len(own.view), dtype=np.int64)).select_poses(seen)
 
-    def closest(self, offset_s: np.ndarray) -> Self:
-        """Return the corners assigned to the poses closest in time to their images.
+    def closest(self, offset_s: np.ndarray) -> tuple[Self, np.ndarray]:
+        """Assign the corners to the poses closest in time to their images.
+
+        The time of a pose is then the mean of those of its images; poses without images are left out.
 
         Args:
             offset_s: shape (view,): time offsets of the views.
+
+        Returns:
+            The corners, and which poses have images, shape (pose,), bool.
         """
-        if self.n_points < 2 or np.any(np.diff(self.time_s) <= 0.0):
-            return self
         image_s = self.time_s[self.point] + self.delay_s
-        middle = 0.5 * (self.time_s[1:] + self.time_s[:-1])
-        point = np.searchsorted(middle, image_s + offset_s[self.view])
-        if len(np.unique(point)) < self.n_points:
-            return self
-        own = replace(self, point=point, delay_s=image_s - self.time_s[point])
-        return own._rows(np.lexsort((self.view, point)))
+        point = self.point
+        if np.all(np.diff(self.time_s) > 0.0):
+            middle = 0.5 * (self.time_s[1:] + self.time_s[:-1])
+            point = np.searchsorted(middle, image_s + offset_s[self.view])
+        count = np.bincount(point, minlength=self.n_points)
+        used = count > 0
+        mean_s = np.bincount(point, image_s + offset_s[self.view], self.n_points) / np.maximum(count, 1)
+        own = replace(self, point=point, time_s=mean_s, delay_s=image_s - mean_s[point])
+        return own._rows(np.lexsort((self.view, point))).select_poses(used), used
 
     def _rows(self, used: np.ndarray) -> Self:
         """Return some of the corners."""

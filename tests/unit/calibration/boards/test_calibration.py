@@ -70,6 +70,21 @@ def test_time_offsets_are_found(offset_s):
     assert result.error_px < 0.4
 
 
+@pytest.mark.parametrize("offset_s", [-0.15, 0.12])
+def test_poses_that_only_a_late_camera_sees_do_not_diverge(offset_s):
+    """Their velocity follows from those of their neighbors, which it is part of."""
+    rig = board_rig()
+    detections = board_detections(rig, offset_s=(0.0, offset_s, 0.0), n_frames=40)
+    pixels = detections.dense()[0].copy()
+    pixels[:3, [0, 2]] = np.nan
+    pixels[:3, 1, 9:] = np.nan
+    detections = Detections.from_dense(BOARD.skeleton, rig.names, pixels, rate_hz=RATE_HZ)
+    result = calibrate_board(detections, BOARD, sizes(rig), intrinsics=unplaced(rig))
+    assert result.solution.model.errors_px().max() < 2.0
+    assert result.error_px == pytest.approx(0.2 * np.sqrt(2), rel=0.05)
+    assert result.cameras[1].offset_s == pytest.approx(offset_s, abs=0.004)
+
+
 def test_result_does_not_depend_on_the_order_of_cameras():
     rig = board_rig()
     detections = board_detections(rig)

@@ -56,9 +56,25 @@ def test_motion_is_that_of_a_parabola(rng):
 
 def test_images_belong_to_the_closest_pose():
     model = model_of(LensModel.BROWN)
-    corners = model.observations
-    shifted = corners.closest(np.array([0.0, 1.0 / RATE_HZ]))
+    shifted, used = model.observations.closest(np.array([0.0, 1.0 / RATE_HZ]))
     second = shifted.view == 1
-    assert np.all(shifted.point[second & (shifted.point < 7)] >= 1)
+    # The first view alone shows the first pose, and both images of the last pose are at most a period apart.
+    assert used.all()
+    assert set(shifted.point[second]) == set(range(1, 8))
     assert np.abs(shifted.delay_s + np.array([0.0, 0.1])[shifted.view])[shifted.point < 7].max() < 1e-9
     assert np.all(np.diff(shifted.point) >= 0)
+
+
+def test_poses_are_at_the_mean_time_of_their_images_and_leave_out_those_without():
+    model = model_of(LensModel.BROWN)
+    seen = model.observations
+    # The first view does not see the first pose, whose only image is closer to the second one.
+    rows = (seen.view == 1) | (seen.point > 0)
+    late_s = np.array([0.0, 0.08])
+    shifted, used = seen._rows(rows).closest(late_s)
+    assert used.tolist() == [False] + [True] * 7
+    lag_s = shifted.delay_s + late_s[shifted.view]
+    means = np.bincount(shifted.point, lag_s) / np.bincount(shifted.point)
+    assert np.abs(means).max() < 1e-12
+    moving = replace(model, observations=seen._rows(rows), offset_s=late_s).moving()
+    assert len(moving.rotations) == len(moving.origins_m) == moving.observations.n_points == 7
