@@ -6,9 +6,9 @@ not examined twice.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, field
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -177,25 +177,49 @@ def _key(view: ViewImages, detector: BoardDetector, wanted: np.ndarray) -> str:
 
 def _examine(view: ViewImages, detector: BoardDetector, wanted: np.ndarray, labels: tuple[str, ...]) -> ViewCorners:
     """Return the corners in some images of one camera."""
-    numbers, times, corners = [], [], []
-    size, most, best = (0, 0), 0, None
-    reader, search = ImageReader(view), BoardSearch(detector) if view.is_video else detector
-    for image in reader.images(frozenset(wanted.tolist()).__contains__):
-        shape = image.gray.shape[1], image.gray.shape[0]
-        if size not in ((0, 0), shape):
-            raise CalibrationError(
-                f"Camera {view.name!r} has images of different sizes: {size[0]} x {size[1]} and {shape[0]} x "
-                f"{shape[1]} px. Use the images of one camera and one resolution."
-            )
-        size = shape
-        numbers.append(image.number)
-        times.append(image.time_s)
-        corners.append(search.corners_px(image.gray))
-        n_found = int(np.isfinite(corners[-1][:, 0]).sum())
+    read, corners = _ReadImages(ImageReader(view), wanted), []
+    if view.is_video:
+        examined = BoardSearch(detector).corners_of(read.images())
+    else:
+        examined = ((gray, detector.corners_px(gray)) for _, gray in read.images())
+    most, best = 0, None
+    for gray, found in examined:
+        corners.append(found)
+        n_found = int(np.isfinite(found[:, 0]).sum())
         if n_found > most:
-            most, best = n_found, image.gray
-    other = None if best is None else find_layout(detector.board, best)
-    pixels = np.array(corners).reshape(len(corners), -1, 2)
+            most, best = n_found, gray
     return ViewCorners(
-        view.name, size, np.array(numbers, dtype=np.int64), np.array(times), pixels, labels, tuple(reader.notes), other
+        view.name,
+        read.size_px,
+        np.array(read.numbers, dtype=np.int64),
+        np.array(read.times_s),
+        np.array(corners).reshape(len(corners), -1, 2),
+        labels,
+        tuple(read.reader.notes),
+        None if best is None else find_layout(detector.board, best),
     )
+
+
+@dataclass
+class _ReadImages:
+    """Some images of one camera, being read: their numbers, times and size."""
+
+    reader: ImageReader
+    wanted: np.ndarray
+    size_px: tuple[int, int] = (0, 0)
+    numbers: list[int] = field(default_factory=list)
+    times_s: list[float] = field(default_factory=list)
+
+    def images(self) -> Iterator[tuple[float, np.ndarray]]:
+        """Yield the times and images."""
+        for image in self.reader.images(frozenset(self.wanted.tolist()).__contains__):
+            shape, before = (image.gray.shape[1], image.gray.shape[0]), self.size_px
+            if before not in ((0, 0), shape):
+                raise CalibrationError(
+                    f"Camera {self.reader.view.name!r} has images of different sizes: {before[0]} x {before[1]} and "
+                    f"{shape[0]} x {shape[1]} px. Use the images of one camera and one resolution."
+                )
+            self.size_px = shape
+            self.numbers.append(image.number)
+            self.times_s.append(image.time_s)
+            yield image.time_s, image.gray

@@ -1,9 +1,11 @@
 """Search a board in the images of a video: around the place where it was, else in an image of half the size.
 
 Most images of a calibration show no board, and a board fills a small part of the others. Small markers are lost in a
-reduced image; so a board that is not found where it was is searched in the whole image.
+reduced image; so a board that is not found where it was is searched in the whole image. While no image shows the board,
+only one image in a third of a second is examined; where it appears, those before are examined, too.
 """
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,6 +20,9 @@ _MARGIN = 0.35
 _MIN_MARGIN_PX = 40
 _WHOLE = 0.6
 """Share of an image above which the whole image is searched."""
+_MAX_STEP_S, _MAX_WAITING = 0.35, 12
+"""Longest time from one examined image to the next, and the most images between them; a board that is shown for less is
+blurred or of little use."""
 
 
 @dataclass
@@ -30,7 +35,41 @@ class BoardSearch:
 
     detector: BoardDetector
     _outline: np.ndarray | None = None
+    _seen: bool = False
     _markers: Any = field(default=None, repr=False)
+
+    def corners_of(self, images: Iterable[tuple[float, np.ndarray]]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Yield each image of a video with its corners, as :meth:`BoardDetector.corners_px` returns them.
+
+        Args:
+            images: times in s, and images of shape (height, width), uint8, in order.
+        """
+        waiting: list[np.ndarray] = []
+        last_s = float("-inf")
+        previous: tuple[float, np.ndarray] | None = None
+        for time_s, gray in images:
+            if previous is not None:
+                # The previous image is the last one that is early enough, or the board was there before.
+                if self._seen or len(waiting) == _MAX_WAITING or not time_s - last_s <= _MAX_STEP_S:
+                    yield from self._examine(waiting, previous[1])
+                    waiting, last_s = [], previous[0]
+                else:
+                    waiting.append(previous[1])
+            previous = time_s, gray
+        if previous is not None:
+            yield from self._examine(waiting, previous[1])
+
+    def _examine(self, waiting: list[np.ndarray], gray: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Yield images that were passed over and the one after them, with their corners."""
+        found = self.corners_px(gray)
+        outline, self._seen = self._outline, bool(np.isfinite(found).any())
+        before = []
+        for image in reversed(waiting):
+            # Where the board leaves the images, seen backward, those before do not show it.
+            shown = self._seen and (not before or np.isfinite(before[-1]).any())
+            before.append(self.corners_px(image) if shown else np.full_like(found, np.nan))
+        self._outline = outline
+        yield from zip([*waiting, gray], [*reversed(before), found], strict=True)
 
     def corners_px(self, gray: np.ndarray) -> np.ndarray:
         """Return the corners found in the next image, as :meth:`BoardDetector.corners_px` does.

@@ -29,7 +29,7 @@ def video(spec: str) -> list[np.ndarray]:
 def test_same_corners_as_in_every_image(spec):
     detector = BoardDetector(read_board_spec(spec))
     search = BoardSearch(detector)
-    found = np.array([search.corners_px(image) for image in video(spec)])
+    found = np.array([corners for _, corners in search.corners_of((0.4 * k, g) for k, g in enumerate(video(spec)))])
     expected = np.array([detector.corners_px(image) for image in video(spec)])
     assert np.isfinite(expected[:, :, 0]).any(axis=1).sum() == 6
     np.testing.assert_allclose(found, expected, atol=0.05)
@@ -43,7 +43,29 @@ def test_images_without_markers_are_not_searched_in_full(monkeypatch):
         BoardDetector, "corners_px", lambda self, gray: (sizes.append(gray.shape), whole(self, gray))[1]
     )
     search = BoardSearch(detector)
-    for image in video(SPECS[0]):
-        search.corners_px(image)
+    for _ in search.corners_of((0.4 * k, image) for k, image in enumerate(video(SPECS[0]))):
+        pass
     assert sum(size == (720, 1000) for size in sizes) <= 5
     assert sum(size != (720, 1000) for size in sizes) >= 4
+
+
+@pytest.mark.parametrize("rate_hz", [6.0, 30.0, 240.0])
+@pytest.mark.parametrize("spec", SPECS[:2])
+def test_few_images_are_examined_while_no_board_is_shown(spec, rate_hz, monkeypatch):
+    """The board is found in the images before the one that shows it first, too."""
+    board = picture(read_board_spec(spec), margin_px=30, px_per_m=1200.0)
+    empty = np.full_like(board, 140)
+    n = round(3.0 * rate_hz)
+    first, last = round(1.25 * rate_hz), round(2.1 * rate_hz)
+    searched = []
+    one = BoardSearch.corners_px
+    monkeypatch.setattr(BoardSearch, "corners_px", lambda self, gray: (searched.append(gray), one(self, gray))[1])
+    images = [board if first <= k < last else empty for k in range(n)]
+    pairs = list(
+        BoardSearch(BoardDetector(read_board_spec(spec))).corners_of((k / rate_hz, g) for k, g in enumerate(images))
+    )
+    assert all(gray is image for (gray, _), image in zip(pairs, images, strict=True))
+    shown = np.array([np.isfinite(corners).any() for _, corners in pairs])
+    assert np.flatnonzero(shown).tolist() == list(range(first, last))
+    n_empty = sum(gray is empty for gray in searched)
+    assert n_empty <= 3 + max((n - last + first) / 13, 2.2 / 0.35 * (2 if rate_hz < 10 else 1))
