@@ -332,7 +332,7 @@ class TestBadInput:
             (["--pick", "tallest"], ["tallest"]),
             (["--min-vews", "3"], ["--min-vews", "Did you mean --triangulation.min-views?"]),
             (["--fps", "60"], ["--fps", "Did you mean --rate-hz?"]),
-            (["--rate-hz", "nan"], ["rate_hz must be a finite number above 0 Hz, got nan"]),
+            (["--rate-hz", "nan"], ["--rate-hz must be a finite number above 0 Hz, got nan"]),
             (["--rate-hz", "fast"], ["fast"]),
             (["--people", "some"], ["some"]),
         ],

@@ -170,7 +170,7 @@ def _lines(process: subprocess.Popen) -> Iterator[bytes]:
         ((), 2, "--skeleton is required"),
         (("--skeleton", "body_20", "--input", "tcp://"), 2, "the port is missing"),
         (("--skeleton", "body_20", "--output", "zmq+push://"), 2, "--output zmq+push://: the port is missing"),
-        (("--skeleton", "body_20", "--max-wait-s", "-1"), 2, "max_wait_s must be a finite number above 0"),
+        (("--skeleton", "body_20", "--max-wait-s", "-1"), 2, "--max-wait-s must be a finite number above 0"),
         (("--skeleton", "fly_38", "--noise.cameras", "x", "--noise.scale-px", "1"), 2, "noise.cameras has no scale"),
     ],
 )

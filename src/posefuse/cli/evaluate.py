@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from posefuse.cli.console import count, note, percent, say, table
+from posefuse.cli.console import count, note, percent, say, table, warn
 from posefuse.cli.types import Overwrite, PointsUnit
 from posefuse.evaluation.accuracy import Accuracy
 from posefuse.evaluation.head_points import HeadRule
+from posefuse.evaluation.other_world import OtherWorld, is_scaled
 from posefuse.model.options.options import LayerName
 from posefuse.model.tracks import TrackState
 
@@ -169,6 +170,25 @@ def show(accuracy: Accuracy) -> None:
         f"{count(accuracy.n_frames, 'frame')}, {count(accuracy.n_keypoints, 'keypoint')}"
     )
     table(None, ["", ""], rows)
+    if accuracy.other_world is not None:
+        warn(_other_world(accuracy.other_world))
+
+
+def _other_world(world: OtherWorld) -> str:
+    """Return what to do about a result in another world than the truth."""
+    if is_scaled(world):
+        return (
+            f"The result and the truth have different units of length: scaled by {world.scale:.4g}, rotated and "
+            f"shifted, the mean error is {world.mean_mm:.1f} mm. State the unit with --length-unit, or calibrate with "
+            "the true size."
+        )
+    change = (
+        "a rotation and a shift" if world.scale == 1.0 else f"a rotation, a shift and a scaling by {world.scale:.4g}"
+    )
+    return (
+        f"The result and the truth are in different worlds: after {change}, the mean error is {world.mean_mm:.1f} mm. "
+        "posefuse calibrate --origin-points places cameras in the world of known points."
+    )
 
 
 def show_self_consistency(account: "SelfConsistency") -> None:

@@ -7,8 +7,19 @@ functions with their module: `` `posefuse.measure_sync` ``.
 import ast
 import re
 import shlex
+from functools import cache
 from typing import Any
 
+from posefuse.model.options.calibration import CalibrateOptions, PeopleOptions
+from posefuse.model.options.catalog import list_options
+from posefuse.model.options.options import Options
+from posefuse.model.options.refinement import RefineOptions
+from posefuse.model.options.run import RunOptions
+from posefuse.model.options.stream import StreamOptions
+
+_OPTION = re.compile(
+    r"(?<![\w`'\"./=-])[a-z][a-z0-9]*(?:[._][a-z0-9]+)+(?![\w`'\"./=(])|(?:^|(?<=[.] ))[a-z][a-z0-9]*(?= must )"
+)
 _NAMED = re.compile(r"(?<!`)`([a-z][a-z0-9_.]*)(?:=([^`]*))?`(?!`)")
 
 COMMANDS = {
@@ -21,6 +32,24 @@ COMMANDS = {
 
 FLAGS = {"format": "--to", "path": "--output", "rigid=True": "--from board", "videos": "--video"}
 """Arguments whose flag has another name."""
+
+
+def options_as_flags(text: str) -> str:
+    """Return the message of an invalid option with flags in place of the names of options, which are not in backticks.
+
+    Names with a dot or an underscore are options wherever they occur, others at the start of a sentence.
+    """
+    return _OPTION.sub(
+        lambda found: f"--{found[0].replace('_', '-')}" if found[0] in _option_names() else found[0], text
+    )
+
+
+@cache
+def _option_names() -> frozenset[str]:
+    """Return the names of all options, with and without their tables."""
+    records = (Options, CalibrateOptions, PeopleOptions, RefineOptions, RunOptions, StreamOptions)
+    names = {entry.name for record in records for entry in list_options(record)}
+    return frozenset(names | {name.rpartition(".")[2] for name in names if "_" in name.rpartition(".")[2]})
 
 
 def as_flags(text: str) -> str:

@@ -121,7 +121,9 @@ def main(arguments: list[str] | None = None) -> None:
 
             _fail(describe(error), 2)
         except OptionsError as error:
-            _fail(str(error), 2)
+            from posefuse.cli.flags import options_as_flags
+
+            _fail(options_as_flags(str(error)), 2)
         except PosefuseError as error:
             _fail(str(error), 1)
         except OSError as error:

@@ -12,6 +12,7 @@ from posefuse.cli.describe_result import describe_result, layer_remark
 from posefuse.cli.findings import AcceptFindings, exit_on_certain_faults
 from posefuse.cli.help import RECONSTRUCTION_GROUP
 from posefuse.cli.types import Also, Output
+from posefuse.errors import choices
 from posefuse.model.options.options import Options
 from posefuse.model.options.run import RunOptions
 
@@ -175,8 +176,14 @@ class _Stages:
         if found.note or found.found is None:
             labeled("synchronize", found.note)
             return
+        unknown = found.found.unknown
         if found.sync.does_nothing:
-            labeled("synchronize", "the views are synchronized")
+            labeled(
+                "synchronize",
+                f"no time offset to correct; unknown for {choices(unknown)}"
+                if unknown
+                else "the views are synchronized",
+            )
         else:
             labeled("synchronize", f"{count(len(set(found.sync.cameras)), 'view')} corrected")
             rows = [

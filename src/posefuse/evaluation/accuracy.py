@@ -12,6 +12,7 @@ import numpy as np
 from posefuse.arguments import checked
 from posefuse.errors import ResultError, choices
 from posefuse.evaluation.consistency import consistency, normalized_squares
+from posefuse.evaluation.other_world import OtherWorld, find_other_world
 from posefuse.model.reconstruction import Layer, Reconstruction, unpack_covariance
 from posefuse.model.status import is_used
 
@@ -57,6 +58,7 @@ class Accuracy:
         covered_95: fraction inside the 95 % region.
         median_mm_of: keypoint to its median distance.
         missing_share_of: keypoint to its missing fraction.
+        other_world: the similarity that maps the result to the truth, if it removes nearly all of the distance.
     """
 
     layer: str
@@ -77,6 +79,7 @@ class Accuracy:
     covered_95: float | None
     median_mm_of: Mapping[str, float]
     missing_share_of: Mapping[str, float]
+    other_world: OtherWorld | None = None
 
 
 @checked
@@ -137,6 +140,7 @@ def evaluate(result: Reconstruction, truth: Truth) -> Accuracy:
             keypoint: float(missing[:, k].sum() / max(known[:, k].sum(), 1))
             for k, keypoint in enumerate(truth.keypoints)
         },
+        other_world=find_other_world(points[both], truth.points_m[both]),
     )
 
 

@@ -52,6 +52,14 @@ class Synchronization:
     findings: tuple[Finding, ...] = ()
     rate_hz: float | None = None
 
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Views of which no source shows when they captured their frames."""
+        by_keypoints = {each.camera: each.is_observable or each.is_corrected for each in self.timings}
+        known = {each.view for each in self.evidence if each.is_decisive} | set(self.sync.cameras)
+        views = dict.fromkeys([*by_keypoints, *(each.view for each in self.evidence)])
+        return tuple(view for view in views if not by_keypoints.get(view, False) and view not in known)
+
     @checked
     def of(self, view: str) -> tuple[ClockEvidence, ...]:
         """Return the evidence on one view."""

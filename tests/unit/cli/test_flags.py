@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from posefuse.cli.flags import COMMANDS, FLAGS, as_flags
+from posefuse.cli.flags import COMMANDS, FLAGS, as_flags, options_as_flags
 from posefuse.cli.main import COMMANDS as PROGRAMS
 from posefuse.cli.main import main
 from posefuse.model.options.calibration import CalibrateOptions, PeopleOptions
@@ -114,3 +114,28 @@ def test_one_error_in_python_and_on_the_command_line(tmp_path, capsys):
     with pytest.raises(SystemExit):
         main(["reconstruct", str(tmp_path), "--output", str(tmp_path / "out")])
     assert "Set --calibration to its path." in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.parametrize(
+    ("message", "shown"),
+    [
+        ("stature_m must be a number.", "--stature-m must be a number."),
+        ("rate_hz must be 3. skeleton must be a name.", "--rate-hz must be 3. --skeleton must be a name."),
+        ("triangulation.min_views must be 2.", "--triangulation.min-views must be 2."),
+        ("end_s (1.0) must be above start_s (2.0).", "--end-s (1.0) must be above --start-s (2.0)."),
+        (
+            "got 'left_knee' in a_file.toml, `rate_hz` and rate_hz=3",
+            "got 'left_knee' in a_file.toml, `rate_hz` and rate_hz=3",
+        ),
+        ("The skeleton must have rate_hz_of.", "The skeleton must have rate_hz_of."),
+    ],
+)
+def test_names_of_options_are_shown_as_flags(message, shown):
+    assert options_as_flags(message) == shown
+
+
+def test_an_invalid_value_names_its_flag(capsys):
+    with pytest.raises(SystemExit):
+        main(["calibrate", "folder", "-o", "c.toml", "--stature-m", "178"])
+    text = " ".join(capsys.readouterr().err.split())
+    assert "--stature-m must be a finite number above 0 and at most 100 m, got 178.0. Lengths are in meters" in text

@@ -201,3 +201,17 @@ def test_keypoints_without_agreement_leave_the_sound(walk):
 def test_small_offsets_are_within_the_uncertainty_of_sound():
     assert start_times(heard(0.0, 0.025, -0.02)).does_nothing
     assert start_times(heard(0.0, 0.035)).cameras == ("cam_1",)
+
+
+def test_views_that_no_source_shows_are_unknown():
+    def timing(name: str, sd_s: float) -> ViewTiming:
+        return ViewTiming(name, (0.0,), (0.0,), (0.0,), sd_s, 1.0)
+
+    timings = (timing("cam_0", 0.001), timing("cam_1", np.inf), timing("cam_2", np.inf))
+    assert sync_evidence.Synchronization(SyncOptions(), SyncOptions(), (), timings=timings).unknown == (
+        "cam_1",
+        "cam_2",
+    )
+    found = sync_evidence.Synchronization(SyncOptions(), SyncOptions(), heard(np.nan, 0.0, np.nan), timings=timings)
+    assert found.unknown == ("cam_2",)
+    assert sync_evidence.Synchronization(SyncOptions(), SyncOptions(), heard(np.nan, 0.0)).unknown == ("cam_0",)

@@ -29,6 +29,7 @@ class FrameIndex:
         starts: shape (start,), int64, ascending: images at which decoding can start; the first is 0.
         seekable: whether images have the same times wherever decoding starts. If not, a video is decoded from its
             start, images are counted, and times that are missing or repeated follow from the frame rate.
+        n_hidden: number of images that the file holds but does not show, such as those that an edit list cuts off.
         note: a sentence if the file holds fewer images than it states; otherwise empty.
     """
 
@@ -37,6 +38,7 @@ class FrameIndex:
     ticks: np.ndarray
     starts: np.ndarray
     seekable: bool
+    n_hidden: int = 0
     note: str = ""
 
     @property
@@ -96,13 +98,16 @@ def _read(path: Path, _changed_ns: int, _size: int) -> FrameIndex:
     if not packets.stamped or len(order) < len(ticks) or None in decoded:
         rate_hz = info.rate_hz or _ASSUMED_RATE_HZ
         numbers = np.arange(len(ticks))
-        return FrameIndex(info, numbers / rate_hz, numbers, numbers[:1], seekable=False, note=note)
+        hidden = packets.n_packets - len(ticks)
+        return FrameIndex(info, numbers / rate_hz, numbers, numbers[:1], seekable=False, n_hidden=hidden, note=note)
     # Images before the first one that can be decoded belong to a group of pictures whose start is cut off.
     order = order[np.searchsorted(order, min(decoded)) :]
     seekable = info.container not in _WITHOUT_INDEX and order[: len(decoded)].tolist() == decoded
     starts = np.searchsorted(order, np.unique(keys[keys >= order[0]])) if seekable else order[:0]
     time_s = (order - order[0]) * packets.time_base_s
-    return FrameIndex(info, time_s, order, np.union1d(starts, [0]).astype(np.int64), seekable=seekable, note=note)
+    starts = np.union1d(starts, [0]).astype(np.int64)
+    hidden = packets.n_packets - len(order)
+    return FrameIndex(info, time_s, order, starts, seekable=seekable, n_hidden=hidden, note=note)
 
 
 @dataclass(frozen=True, eq=False)

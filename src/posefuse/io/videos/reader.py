@@ -95,7 +95,7 @@ class VideoReader:
         except (av.error.FFmpegError, EOFError) as error:
             self.error = getattr(error, "strerror", None) or str(error)
         n_frames = self.info.n_frames
-        if not self.error and not seeks and n_frames is not None and self.n_read < n_frames:
+        if not self.error and not seeks and n_frames is not None and self.n_read < n_frames - index.n_hidden:
             self.error = f"its header states {n_frames} images"
         self.ended = True
 

@@ -37,6 +37,8 @@ _UNIT_OF_SUFFIX = {
 """The unit that the end of an option's name stands for; longer endings come first."""
 
 
+_FEWEST_MM = 1000.0
+"""Lengths that are too large for meters are in cm below this, and in mm from this on."""
 MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-30, 1e30
 """Magnitudes of all numbers other than 0, in any unit: beyond, products would overflow or vanish."""
 
@@ -241,7 +243,8 @@ def _checked(value: Any, hint: Any, bounds: Bounds) -> Any:
     if checked is None:
         allowed = valid_choices(inner, bounds)
         hint_text = f" {_did_you_mean(value, allowed)}" if isinstance(value, str) and allowed else ""
-        raise ValueError(f"{expected_text(inner, bounds)}, got {value!r}.{hint_text}{_magnitude_text(value)}")
+        hint_text += _magnitude_text(value) + _unit_text(value, bounds)
+        raise ValueError(f"{expected_text(inner, bounds)}, got {value!r}.{hint_text}")
     return checked
 
 
@@ -301,6 +304,17 @@ def _did_you_mean(value: str, allowed: tuple[str, ...]) -> str:
 def _has_usual_magnitude(number: float) -> bool:
     """Return whether products of a number neither overflow nor vanish; false for NaN and infinity."""
     return number == 0.0 or MIN_MAGNITUDE <= abs(number) <= MAX_MAGNITUDE
+
+
+def _unit_text(value: Any, bounds: Bounds) -> str:
+    """Return the value in meters, if it was given in centimeters or millimeters."""
+    if bounds.unit != "m" or bounds.at_most is None or isinstance(value, bool) or not isinstance(value, Real):
+        return ""
+    number = _to_float(value)
+    if not bounds.at_most < number < math.inf:
+        return ""
+    factor, unit = (100.0, "cm") if number < _FEWEST_MM else (1000.0, "mm")
+    return f" Lengths are in meters: {number:g} {unit} are {number / factor:g}."
 
 
 def _magnitude_text(value: Any) -> str:

@@ -69,7 +69,7 @@ class PeopleOptions:
         named_numbers(self.view_rates_hz, "view_rates_hz", "view=rate", "cam_2=60")
         if (self.length_m is None) != (not self.length_between):
             raise OptionsError(
-                "length_m and length_between belong together: a distance and the two keypoints it joins."
+                "`length_m` and `length_between` belong together: a distance and the two keypoints it joins."
             )
         if self.stature_m is not None and self.length_m is not None:
-            raise OptionsError("stature_m and length_m both set the scale. Set one of them.")
+            raise OptionsError("`stature_m` and `length_m` both set the scale. Set one of them.")

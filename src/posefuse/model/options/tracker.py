@@ -131,7 +131,7 @@ class TrackerOptions:
     terminate_beyond_m: float | None = option(None, above=0.0, example="1.0")
     terminate_outside_after_s: float | None = option(None, above=0.0, example="1.0")
     fix_shape_after_s: float = option(4.0, at_least=0.0)
-    stature_m: float | None = option(None, above=0.0, example="1.75")
+    stature_m: float | None = option(None, above=0.0, at_most=100.0, example="1.75")
     known_m: tuple[str, ...] = option((), example='["left_knee=0.43"]')
     known_sd_m: float = option(0.005, above=0.0)
     max_people: int = option(50, at_least=1)

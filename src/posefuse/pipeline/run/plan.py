@@ -281,6 +281,11 @@ class _Planner:
                     f"The board is not used, because there is a calibration ({self.run.calibration}). "
                     "`calibration='board'` calibrates by it."
                 )
+            if self.run.intrinsics is not None:
+                self.notes.append(
+                    f"The lenses of {self.run.intrinsics} are not used, because there is a calibration "
+                    f"({self.run.calibration}). `calibration='people'` or `calibration='board'` calibrates with them."
+                )
             if self.run.refine and len(rig) > 1:
                 return PlannedStage("calibrate", f"{self.run.calibration}, refined by the people", CALIBRATION)
             return PlannedStage("calibrate", f"nothing to do: {_describe(rig)} in {self.run.calibration}")

@@ -127,14 +127,14 @@ def run(
         PosefuseError: if a stage fails; the stages before it are kept.
     """
     watcher = watcher or Watcher()
+    output = Path(output)
+    check_folder_marker(output, RUN_FILE)
     plan = plan_run(folder, run, options, detector=detector, skeleton=skeleton)
     if plan.is_empty:
         raise RecordingError(plan.problems[0])
     watcher.planned(plan)
     if plan.problems:
         raise RecordingError("\n".join(plan.problems))
-    output = Path(output)
-    check_folder_marker(output, RUN_FILE)
     plan = replace(plan, choices=with_inputs(plan))
     with writable(output):
         output.mkdir(parents=True, exist_ok=True)

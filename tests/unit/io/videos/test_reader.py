@@ -153,3 +153,16 @@ def test_an_unknown_codec_is_one_sentence(tmp_path):
     path.write_bytes(path.read_bytes().replace(b"avc1", b"xyz1"))
     with pytest.raises(FileError, match=r"a\.mp4 has a codec that PyAV cannot decode. Convert it"):
         open_video(path)
+
+
+def test_images_that_an_edit_list_hides_are_not_missing(tmp_path):
+    path = coded_video(tmp_path / "a.mp4", 20, 25.0)
+    content = bytearray(path.read_bytes())
+    at = content.find(b"elst") + 16
+    start, per_frame = struct.unpack(">I", content[at : at + 4])[0], 3600
+    content[at : at + 4] = struct.pack(">I", start + 5 * per_frame)
+    path.write_bytes(content)
+    reader = open_video(path)
+    assert codes_of([image.rgb for image in reader.images()]) == list(range(5, 20))
+    assert (reader.info.n_frames, reader.error) == (20, "")
+    assert read_frame_index(path).n_hidden == 5

@@ -24,7 +24,9 @@ from posefuse.model.options.bounds import (
     valid_choices,
     without_none,
 )
+from posefuse.model.options.calibration import PeopleOptions
 from posefuse.model.options.catalog import OptionEntry
+from posefuse.model.options.tracker import TrackerOptions
 from tests.properties import examples
 
 OUTSIDE_MODEL = ("posefuse.synthetic.options", "posefuse.synthetic.crowd_options")
@@ -147,3 +149,10 @@ def test_values_take_the_type_of_their_field() -> None:
     sample = Sample(window_s=1, number=np.int64(3), size=[640, 480])  # type: ignore[arg-type]
     assert (type(sample.window_s), type(sample.number), sample.size) == (float, int, (640, 480))
     assert Sample(reach_m=math.inf).reach_m == math.inf
+
+
+@pytest.mark.parametrize(("number", "text"), [(178, "178 cm are 1.78"), (1780.0, "1780 mm are 1.78")])
+@pytest.mark.parametrize("make", [lambda m: PeopleOptions(stature_m=m), lambda m: TrackerOptions(stature_m=m)])
+def test_lengths_in_other_units_are_named(make: Any, number: float, text: str) -> None:
+    with pytest.raises(OptionsError, match=rf"at most 100 m, got .*Lengths are in meters: {text}"):
+        make(number)

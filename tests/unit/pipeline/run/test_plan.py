@@ -172,3 +172,12 @@ def test_another_file_than_the_project_file_states_is_named(videos, tmp_path):
     stated = replace(plan.choices, inputs=replace(plan.choices.inputs, sha256=("videos/cam_0.mp4=abc",)))
     assert "videos/cam_0.mp4" in plan_of(videos, stated).notes[-1]
     assert np.isfinite([view.duration_s for view in plan.views]).all()
+
+
+def test_lenses_beside_a_calibration_are_named(videos, scene, tmp_path_factory):
+    anipose.write(scene.rig, videos / "calibration.toml")
+    lenses = tmp_path_factory.mktemp("lenses") / "known.toml"
+    anipose.write(scene.rig, lenses)
+    plan = plan_of(videos, RunOptions(intrinsics=str(lenses)))
+    assert any("known.toml are not used" in note and "calibration.toml" in note for note in plan.notes)
+    assert not any("not used" in note for note in plan_of(videos).notes)

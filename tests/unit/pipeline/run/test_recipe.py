@@ -17,6 +17,7 @@ from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native
 from posefuse.io.options import read_sync
 from posefuse.model.options.calibration import PeopleOptions
+from posefuse.pipeline.run.recipe import Watcher
 from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
 from tests.coded_videos import FilmedPerson, film_person
@@ -174,3 +175,11 @@ def test_a_given_calibration_is_refined_where_that_helps(tmp_path, turned_deg):
     again = posefuse.run(tmp_path, tmp_path / "out", RunOptions(refine=True, synchronize="off"))
     assert again.kept == ("calibrate",)
     assert again.reconstruction.kept
+
+
+def test_an_output_that_is_a_file_is_refused_before_the_plan(tmp_path):
+    planned = []
+    (tmp_path / "out").write_text("mine")
+    with pytest.raises(FileError, match="is a file"):
+        posefuse.run(tmp_path, tmp_path / "out", watcher=Watcher(planned.append))
+    assert not planned
