@@ -167,7 +167,11 @@ def _without_world(
         common[np.flatnonzero(own & (column < _POSE))] = rigid_changes(camera)
     along = precision @ common
     out = precision - along @ np.linalg.pinv(common.T @ along, rcond=_RANK_TOLERANCE, hermitian=True) @ along.T
-    return 0.5 * (out + out.T)
+    # What remains of a single camera is its lens and, of its pose, rounding errors of large numbers.
+    unit = np.sqrt(np.maximum(np.diag(precision), 1e-300))
+    values, vectors = np.linalg.eigh(0.5 * (out + out.T) / np.outer(unit, unit))
+    half = unit[:, None] * vectors * np.sqrt(np.where(values > _RANK_TOLERANCE * values[-1], values, 0.0))
+    return half @ half.T
 
 
 def rigid_changes(camera: Camera) -> np.ndarray:

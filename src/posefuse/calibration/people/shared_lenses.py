@@ -1,7 +1,7 @@
 """Unknown lenses: focal lengths of cameras of one kind, or more or less different, and similar distortions.
 
 By how much they differ is a matter of probability. Without enough observations to tell, the result is the mean of the
-estimates under several priors, and its covariance contains their differences.
+estimates under several priors, and its covariance holds also for the most different cameras among these.
 """
 
 from collections.abc import Sequence
@@ -94,25 +94,27 @@ def spread_probabilities(joint: JointEstimate, log_focal: np.ndarray) -> np.ndar
 
 
 def mixed(estimates: Sequence[JointEstimate], probability: np.ndarray, recording: JointRecording) -> JointEstimate:
-    """Return the mean of estimates, with the covariance of their mixture.
+    """Return the mean of estimates, with the covariance that the one under the widest spread gives it.
+
+    Cameras that differ would be less certain than the covariance of the mixture states: where the recording hardly
+    tells, half of it assumes cameras of one kind. The covariance is therefore that of the widest spread that is not
+    negligible, and contains the distance of that estimate from the mean.
 
     Args:
-        estimates: in the same world, that of the calibration.
-        probability: shape (estimate,): their probabilities.
+        estimates: in the same world, that of the calibration, from the widest spread to the narrowest.
+        probability: shape (estimate,): their probabilities, negligible ones 0.
         recording: the recording of all.
     """
     first = estimates[0]
     apart = [difference(first.parameters, each.parameters) for each in estimates]
     mean = sum((p * a for p, a in zip(probability, apart, strict=True)), np.zeros_like(apart[0]))
-    covariance = np.zeros_like(first.covariance)
-    for p, a, each in zip(probability, apart, estimates, strict=True):
-        moved = first.projection @ (a - mean).ravel()
-        covariance += p * (each.covariance + np.outer(moved, moved))
+    widest = int(np.flatnonzero(probability)[0])
+    moved = first.projection @ (apart[widest] - mean).ravel()
     parameters = first.parameters.changed(mean)
     return replace(
         first,
         parameters=parameters,
         change=first.change + (first.projection @ mean.ravel()).reshape(mean.shape),
-        covariance=covariance,
+        covariance=estimates[widest].covariance + np.outer(moved, moved),
         rows=linearize(recording, first.rows.frames, parameters, first.rows.scale, first.rows.support_m),
     )

@@ -84,3 +84,18 @@ def test_principal_points_are_not_known():
     np.testing.assert_array_equal(whole[:, :10, :, :10].reshape(30, 30), precision.matrix(10))
     assert not whole[:, 10:].any()
     assert not whole[..., 10:].any()
+
+
+def test_the_pose_of_a_single_camera_is_unknown_to_rounding():
+    """Its lens alone is known. A weak prior stays positive definite with it, also if the known lens counts often."""
+    rig = ring(3).select(ring(3).names[1:2])
+    names = (*ROTATION, *CENTER, *MATRIX)
+    parameters = [(rig.names[0], name) for name in names]
+    root = np.zeros((len(names), 20))
+    root[6:] = np.random.default_rng(1).normal(size=(4, 20))
+    covariances, correlation = separated(parameters, root @ root.T, "origin")
+    alone = replace(rig, covariances=covariances, correlation=correlation)
+    precision = KnownPoses.of(alone, np.array([1]), 3, (1e-5, 1e-5)).matrix(10)
+    assert precision[18, 18] > 1.0
+    assert np.linalg.eigvalsh(precision)[0] > -1e-6
+    np.linalg.cholesky(100.0 * precision + 20.0**-2 * np.eye(30))
