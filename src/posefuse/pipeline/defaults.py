@@ -13,7 +13,7 @@ from posefuse.pipeline.people.stills import STILLS, resolve_still_options
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.triangulation.registry import find_method
 
-_MIN_TRAJECTORY_S = 10.0
+_MIN_TRAJECTORY_S = 0.5
 _MAX_TRACKED_INTERVAL_S = 2.0
 """Longest time between frames that motion models bridge: in 2 s, a person walks 2.5 m and turns around."""
 
@@ -189,8 +189,8 @@ def unused_side_options(options: Options) -> tuple[str, ...]:
 def resolve_solve(options: Options, facts: RecordingFacts, n_cameras: int) -> Options:
     """Resolve ``solve = "auto"``: frame by frame, or all frames together.
 
-    All frames are solved together for one subject or tracked people and at least ten seconds, which suffice to estimate
-    motion and bones, if the triangulation method supports it.
+    All frames are solved together for one subject or tracked people and at least half a second, if the triangulation
+    method supports it.
 
     Raises:
         DetectionsError: if a solve over time is requested and frame times are unknown.

@@ -4,13 +4,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import gammaln, hyp2f1
 
 from posefuse.arrays import PickledByFields, frozen
 from posefuse.errors import DetectionsError
 from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.skeleton.skeletons import Skeleton
+from posefuse.trajectory.bone_lengths import LengthPrior
 from posefuse.trajectory.bones import Bones
+from posefuse.trajectory.correlated_errors import ErrorCorrelation
 from posefuse.trajectory.observations import MeasuredRange, PersonObservations
 from posefuse.trajectory.path_solver import PathSolver
 from posefuse.trajectory.paths import Paths, PersonPriors
@@ -20,30 +21,16 @@ _ROUNDS = 8
 """Each round after the first estimates the density from the paths of the previous one."""
 
 _INITIAL_STEPS, _MAX_CHANGE = 3.0, 30.0
-_MIN_LENGTHS = 20
-_LAGS = (1, 2, 4, 8, 16, 32, 64)
-_MAX_LAG_S, _MIN_PERSISTENT_LAG_S = 2.0, 0.6
-_MAX_PERSISTENT = 0.95
-_DOMINANT_PERSISTENT = 0.2
-"""If persistent errors exceed this fraction, the correlation of the remaining errors cannot be estimated."""
-
-_MAX_CORRELATION_S = 0.3
-"""Errors with a longer correlation time cannot be separated from slow motion; they only make paths less certain."""
-
+_MIN_LENGTHS = 5
 _NONE = np.empty(0)
 _MAX_TIME_CONSTANT_S, _MAX_TIME_CONSTANT_STEPS = 0.5, 4.0
 """Upper bound of the time constant of a path."""
-
-_MIN_CORRELATION, _MAX_CORRELATION = 0.1, 0.999
-_FULL_CORRELATION = 0.9
-"""Correlation at distance zero of fully correlated errors, reduced because their level changes."""
 
 _DENSITY_FACTOR = 2.0
 """Motion is less uniform than white noise. This factor on the density costs a hundredth of the accuracy where motion is
 uniform, and keeps confidence regions valid where it is not.
 """
 
-_CORRELATIONS = np.linspace(-1.0, 1.0, 401)
 _MARGIN = 12.0
 """Number of time constants after which earlier frames affect a point by less than a hundredth of its uncertainty."""
 
@@ -57,7 +44,7 @@ class RecordingPriors(PickledByFields):
     Attributes:
         density: shape (person, keypoint): of the white jerk (m^2/s^5) or acceleration (m^2/s^3); NaN where unknown.
         length_m: shape (person, bone): in the order of :class:`Bones`; NaN where unknown.
-        length_sd_m: shape (person, bone): standard deviation of each length over time.
+        length_sd_m: shape (person, bone): standard deviation of each length over time and of its estimate.
         correlation_s: correlation time of detection errors, in which their correlation falls to 1 / e; 0 if white.
         persistent_fraction: fraction of the error variance that persists throughout, like calibration errors.
         innovation_scale: shape (person,): mean square of the innovations of errors, in units of the expected value.
@@ -129,7 +116,7 @@ def estimate_priors(parts: Iterable[MeasuredRange], skeleton: Skeleton, options:
     for part in parts:
         people = [PersonObservations.of(part, person) for person in range(part.tracks.detection.shape[1])]
         sums = sums or [_PersonStatistics(len(skeleton), len(bones.ends)) for _ in people]
-        errors = errors or _ErrorCorrelation(len(part.rig))
+        errors = errors or ErrorCorrelation(len(part.rig))
         for observed in people:
             errors.add(observed)
         correlation_s, share = errors.estimate(options)
@@ -142,8 +129,9 @@ def estimate_priors(parts: Iterable[MeasuredRange], skeleton: Skeleton, options:
                 statistics.add(observed, bones, options, person_priors)
     if errors is None:
         raise DetectionsError("The trajectory solve needs at least one frame to estimate its parameters.")
-    lengths = [each.lengths(bones.rigid, options) for each in sums]
     correlation_s, share = errors.estimate(options)
+    length_prior = LengthPrior.of(skeleton, bones)
+    lengths = [each.lengths(bones.rigid, length_prior, correlation_s, options) for each in sums]
     return RecordingPriors(
         density=np.stack([each.density(options) for each in sums]),
         length_m=np.stack([length for length, _ in lengths]),
@@ -169,89 +157,6 @@ def persistence_ratio(persistent_fraction: float) -> float:
     return persistent_fraction / (1.0 - persistent_fraction)
 
 
-class _ErrorCorrelation:
-    """Correlation of errors at several distances in time, summed over ranges of frames.
-
-    It is estimated from the angle between the residuals of a measured point, over all its views, and those of the same
-    keypoint some frames later, which is independent of the level of the errors. Residuals lack the part that the point
-    absorbs; if the same views observe it at about the same position, both lack the same part.
-    """
-
-    def __init__(self, views: int) -> None:
-        self._cosines = np.zeros((len(_LAGS), 2 * views))
-        self._counts = np.zeros((len(_LAGS), 2 * views))
-        self._step_s = 1.0
-
-    def add(self, observed: PersonObservations) -> None:
-        """Add the frames of one person."""
-        self._step_s = observed.step_s
-        used = observed.agreed & np.isfinite(observed.sigma_px)
-        residuals, _ = observed.linear(np.where(np.isfinite(observed.points_m), observed.points_m, 0.0))
-        residual = np.where(used[..., None], residuals / observed.sigma_px[..., None], 0.0)
-        size = np.sqrt(np.square(residual).sum(axis=(2, 3)))
-        freedom = np.maximum(2 * used.sum(axis=-1) - 3, 0)
-        for n, lag in enumerate(_LAGS):
-            if lag * self._step_s > _MAX_LAG_S or lag >= used.shape[1] // 2:
-                break
-            comparable = (used[:, lag:] == used[:, :-lag]).all(axis=-1) & (freedom[:, lag:] > 0)
-            product = size[:, lag:] * size[:, :-lag]
-            comparable &= product > 0.0
-            cosine = (residual[:, lag:] * residual[:, :-lag]).sum(axis=(2, 3))[comparable] / product[comparable]
-            self._cosines[n] += np.bincount(freedom[:, lag:][comparable], cosine, self._cosines.shape[1])
-            self._counts[n] += np.bincount(freedom[:, lag:][comparable], minlength=self._counts.shape[1])
-
-    def correlations(self) -> np.ndarray:
-        """Return the correlation of errors at each distance, shape (lag,); NaN without data."""
-        lag_correlations = np.zeros(len(_LAGS))
-        for freedom in np.flatnonzero(self._counts.any(axis=0)):
-            count = self._counts[:, freedom]
-            mean = np.divide(self._cosines[:, freedom], count, out=np.zeros(len(_LAGS)), where=count > 0.0)
-            lag_correlations += count * np.interp(mean, mean_cosine(_CORRELATIONS, int(freedom)), _CORRELATIONS)
-        total = self._counts.sum(axis=1)
-        return np.divide(lag_correlations, total, out=np.full(len(_LAGS), np.nan), where=total > 0.0)
-
-    def estimate(self, options: TrajectoryOptions) -> tuple[float, float]:
-        """Return the correlation time of errors, s, and the fraction of their variance that persists."""
-        lag_correlations = self.correlations()
-        distant = lag_correlations[np.array(_LAGS) * self._step_s > _MIN_PERSISTENT_LAG_S]
-        distant = distant[np.isfinite(distant)]
-        share = float(np.clip(distant.mean(), 0.0, _MAX_PERSISTENT)) if distant.size else 0.0
-        share = share if share > _MIN_CORRELATION else 0.0
-        if options.correlation_s is not None:
-            return options.correlation_s, share
-        if share > _DOMINANT_PERSISTENT:
-            return 0.0, share
-        return min(self._correlation_s((lag_correlations - share) / (1.0 - share)), _MAX_CORRELATION_S), share
-
-    def _correlation_s(self, lag_correlations: np.ndarray) -> float:
-        """Return the time in which correlations fall to 1 / e, for an equivalent first-order autoregressive process.
-
-        A fraction of the errors with exponentially decaying correlation is fitted. The autoregressive process has the
-        same power at low frequencies, which is what separates errors from motion.
-        """
-        information = int(np.argmin(np.append(lag_correlations > _MIN_CORRELATION, False)))
-        if information == 0:
-            return 0.0
-        lags, logs = (
-            np.array(_LAGS[:information], dtype=np.float64),
-            np.log(np.minimum(lag_correlations[:information], _MAX_CORRELATION)),
-        )
-        slope, level = np.polyfit(lags, logs, 1) if information > 1 else (logs[0], 0.0)
-        correlation, share = (
-            float(np.exp(min(slope, np.log(_MAX_CORRELATION)))),
-            float(min(np.exp(level) / _FULL_CORRELATION, 1.0)),
-        )
-        total_correlation = 1.0 + 2.0 * share * correlation / (1.0 - correlation)
-        return -self._step_s / float(np.log((total_correlation - 1.0) / (total_correlation + 1.0)))
-
-
-def mean_cosine(correlation: np.ndarray, freedom: int) -> np.ndarray:
-    """Return the mean cosine between two normal vectors with ``freedom`` components and the given correlation."""
-    half = 0.5 * freedom
-    level = np.exp(2.0 * gammaln(half + 0.5) - gammaln(half) - gammaln(half + 1.0))
-    return correlation * level * hyp2f1(0.5, 0.5, half + 1.0, np.square(correlation))
-
-
 class _PersonStatistics:
     """Statistics of one person, accumulated over ranges of frames."""
 
@@ -263,6 +168,7 @@ class _PersonStatistics:
         self._length = np.zeros(n_bones)
         self._square = np.zeros(n_bones)
         self._noise = np.zeros(n_bones)
+        self._step_s = 1.0
         self._sizes: list[float] = []
         self._errors: list[tuple[float, float]] = []
 
@@ -270,6 +176,7 @@ class _PersonStatistics:
         self, observed: PersonObservations, bones: Bones, options: TrajectoryOptions, person_priors: PersonPriors
     ) -> None:
         """Add a range of frames."""
+        self._step_s = observed.step_s
         smoothness = Smoothness.of(options.prior, observed.time_s)
         solver = PathSolver(observed, smoothness, Bones.none(), replace(options, density_window_s=0.0))
         paths, density, determined, errors = fit_density(solver, person_priors)
@@ -335,21 +242,39 @@ class _PersonStatistics:
         """Return time constants, shape (keypoint,)."""
         return _filled(self._weighted_time_constant, self._determined)
 
-    def lengths(self, rigid: np.ndarray, options: TrajectoryOptions) -> tuple[np.ndarray, np.ndarray]:
+    def lengths(
+        self, rigid: np.ndarray, prior: LengthPrior, correlation_s: float, options: TrajectoryOptions
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return bone lengths and their standard deviations; NaN and inf with too few frames.
+
+        Standard deviations are those of the length over time and of its estimate. Short recordings determine lengths
+        poorly, because errors of successive frames are correlated; there the distribution of bodies contributes.
 
         Args:
             rigid: shape (bone,), bool: for these bones, variation beyond the given fraction counts as error.
+            prior: distribution of the lengths.
+            correlation_s: correlation time of detection errors.
             options: of the solve.
         """
         tells = self._count >= _MIN_LENGTHS
         count = np.maximum(self._count, 1.0)
         mean = self._length / count
-        variance = self._square / count - mean**2 - self._noise / count
+        independent = np.maximum(count * self._step_s / (self._step_s + 2.0 * self._error_time_s(correlation_s)), 1.0)
+        spread = self._square / count - mean**2
+        # Variation that errors of so few independent frames may show by chance is not variation of the length.
+        variance = spread - self._noise / count - np.sqrt(2.0 / independent) * spread
         most = np.where(rigid, options.max_rigid_bone_variation * mean, np.inf)
         sd = np.clip(np.sqrt(np.maximum(variance, 0.0)), options.min_bone_variation * mean, most)
         tells &= options.bones & (mean > 0.0)
-        return np.where(tells, mean, np.nan), np.where(tells, sd, np.inf)
+        error_sd = np.sqrt((self._noise / count + np.square(sd)) / independent)
+        mean, error_sd = prior.posterior(np.where(tells, mean, np.nan), error_sd)
+        return mean, np.where(tells, np.hypot(sd, error_sd), np.inf)
+
+    def _error_time_s(self, correlation_s: float) -> float:
+        """Return the correlation time of the errors of paths: that of the errors, or the window of the smoother."""
+        informed = self._determined > 0.0
+        time_constants = self._weighted_time_constant[informed] / self._determined[informed]
+        return max(correlation_s, float(np.median(time_constants)) if time_constants.size else 0.0)
 
     @property
     def size_m(self) -> float:

@@ -13,7 +13,7 @@ from posefuse.trajectory.error_level import ErrorLevel
 from posefuse.trajectory.observations import PersonObservations
 from posefuse.trajectory.path_solver import PathSolver
 from posefuse.trajectory.paths import PersonPriors
-from posefuse.trajectory.priors import RecordingPriors, estimate_priors, margin_s, mean_cosine
+from posefuse.trajectory.priors import RecordingPriors, estimate_priors, margin_s
 from posefuse.trajectory.smoothness import Smoothness
 from tests.scenes import ring
 from tests.unit.trajectory.path_problems import ARM, exact_pixels, measured, part_of, solved, swinging
@@ -59,8 +59,8 @@ def test_variation_of_rigid_bones_is_limited():
         [measurements], replace(ARM, rigid=(("wrist", "elbow"),)), TrajectoryOptions(max_rigid_bone_variation=0.02)
     )
     assert soft.length_sd_m[0, 1] > 0.1 * soft.length_m[0, 1]
-    assert rigid.length_sd_m[0, 1] == pytest.approx(0.02 * rigid.length_m[0, 1])
-    assert rigid.length_sd_m[0, 0] == soft.length_sd_m[0, 0]
+    assert rigid.length_sd_m[0, 1] == pytest.approx(0.02 * rigid.length_m[0, 1], rel=0.05)
+    assert rigid.length_sd_m[0, 0] == pytest.approx(soft.length_sd_m[0, 0])
 
 
 def test_one_period_of_large_errors_does_not_affect_all_frames(monkeypatch):
@@ -113,15 +113,6 @@ def test_persistent_errors_do_not_smooth_motion():
     # Nearly as smooth as without bias, not as if the bias were noise: that has 8^(1/3) times the time constant.
     assert np.median(recording_priors.time_constant_s) < 1.5 * np.median(plain.time_constant_s)
     assert recording_priors.length_sd_m[0] == pytest.approx(0.0, abs=0.02)
-
-
-@pytest.mark.parametrize("freedom", [1, 2, 7])
-@pytest.mark.parametrize("correlation", [0.0, 0.5, 0.9])
-def test_mean_cosine_matches_sampled_vectors(freedom, correlation):
-    one, other = np.random.default_rng(freedom).standard_normal((2, 40_000, freedom))
-    other = correlation * one + np.sqrt(1.0 - correlation**2) * other
-    cosine = (one * other).sum(axis=1) / np.linalg.norm(one, axis=1) / np.linalg.norm(other, axis=1)
-    assert cosine.mean() == pytest.approx(float(mean_cosine(np.array(correlation), freedom)), abs=0.015)
 
 
 def test_ranges_give_the_same_priors_as_the_whole():

@@ -77,7 +77,7 @@ class Options:
         association: Options of cross-view association.
         tracker: Options of the multi-person tracker.
         solve: Solve per frame or over time: frame, trajectory or auto. "auto" solves all frames together for one
-            subject or tracked people, two or more cameras, ten seconds or more, and the method "consensus".
+            subject or tracked people, two or more cameras, half a second or more, and the method "consensus".
         trajectory: Options of the trajectory solve.
         postprocess: Options of postprocessing.
         session_start: Date and time of the recording's time 0 with time zone, such as 2024-05-03T14:30:00+02:00, in

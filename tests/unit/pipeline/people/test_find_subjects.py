@@ -79,7 +79,7 @@ def test_bodies_of_legs_that_no_edge_connects_have_all_legs(rng, people, bodies)
     skeleton, rig, points = parse_skeleton(text, "legs.toml"), ring(5), six_legs(180, rng)
     assert len(skeleton.unmodeled) == len(_KEYPOINTS) - _JOINTS
     detections = replace(simulate_detections(rig, points, rng), skeleton=skeleton)
-    result = posefuse.reconstruct(rig, detections, posefuse.Options(people=people, bodies=bodies))
+    result = posefuse.reconstruct(rig, detections, posefuse.Options(people=people, bodies=bodies, solve="frame"))
     error_m = {name: np.sqrt(np.mean((layer.points_m[:, 0] - points) ** 2)) for name, layer in result.layers.items()}
     assert result.best_layer()[0] == "model"
     assert error_m["model"] < error_m["measured"] < 0.01
@@ -94,7 +94,7 @@ def test_measured_is_the_default_layer_if_the_model_lacks_most_keypoints(rng):
     )
     detections = simulate_detections(rig, points + drift, rng)
     detections = replace(detections, skeleton=parse_skeleton(text, "legs.toml"))
-    result = posefuse.reconstruct(rig, detections, posefuse.Options(people="many"))
+    result = posefuse.reconstruct(rig, detections, posefuse.Options(people="many", solve="frame"))
     modeled = np.isfinite(result.layers["model"].points_m).any(axis=(0, 1, 3)).sum()
     assert modeled < len(_KEYPOINTS) // 2
     assert result.best_layer()[0] == "measured"
