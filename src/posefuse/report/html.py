@@ -135,6 +135,7 @@ SECTIONS = (
     Section("sides", lambda page: _PEOPLE_HINT if page.has_several_people else _SIDES_HINT),
     Section("videos", lambda page: escape(videos_sentence(page.videos.videos, page.videos.notes))),
     Section("accuracy", lambda page: tables.accuracy_table(page.accuracy)),
+    Section("layers", lambda page: tables.layer_section(page.result)),
     Section("people", _people),
     Section("cameras", lambda page: tables.camera_table(page.result, page.summary)),
     Section("keypoints", lambda page: tables.keypoint_table(page.result, page.summary, page.heat_map)),

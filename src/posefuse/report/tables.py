@@ -8,6 +8,7 @@ import numpy as np
 
 from posefuse.evaluation.accuracy import Accuracy
 from posefuse.evaluation.people import PeopleScores
+from posefuse.model.layer_scores import layer_of_scores
 from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.report.heat_map import MISSING, REJECTED, USED, HeatMap
@@ -61,6 +62,26 @@ def _single_person_rows(accuracy: Accuracy) -> list[tuple[str, str]]:
         covered = f"{100 * accuracy.covered_68:.0f} / {100 * accuracy.covered_95:.0f} %"
         rows.append(("Coverage of the 68 / 95 % regions", covered))
     return rows
+
+
+def layer_section(result: Reconstruction) -> str:
+    """Return how well each layer predicts left-out views as HTML; empty if layers were not compared."""
+    best = layer_of_scores(result.layer_scores)
+    if best is None:
+        return ""
+    headings = ("Layer", "Median, px", "Mean, px", "Points, of those measured")
+    head = "".join(f"<th>{escape(heading)}</th>" for heading in headings)
+    rows = []
+    for score in result.layer_scores:
+        name = f"{score.layer} (default)" if score.layer == best else score.layer
+        cells = (name, _or_dash(score.median_px), _or_dash(score.mean_px), _percent(score.share))
+        rows.append("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>")
+    return (
+        "<section><h2>Layers</h2><p>Distance between the detections of one camera and the points of the other cameras, "
+        "over the points that all layers have. The layer with the smallest errors is the default, unless it lacks more "
+        "than 1 % of the measured points.</p>"
+        f'<div class="wide"><table><tr>{head}</tr>{"".join(rows)}</table></div></section>'
+    )
 
 
 def camera_table(result: Reconstruction, summary: Summary) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from posefuse.evaluation.accuracy import evaluate, truth_from_result
+from posefuse.model.layer_scores import LayerScore
 from posefuse.model.reconstruction import Provenance
 from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.model.track_events import Event
@@ -45,6 +46,16 @@ def test_page_needs_no_network(result):
     assert not re.search(r"(src|href)\s*=", outside)
     assert "http" not in outside
     assert len(page) < 15e6
+
+
+def test_layers_show_how_they_predict_left_out_views(result):
+    scores = (LayerScore("measured", 4.66, 6.73, 1.0), LayerScore("solved", 4.5, 6.47, 0.995))
+    page = render_report(replace(result, layer_scores=scores))
+    rows = re.search(r"<h2>Layers</h2>.*?</table>", page, re.DOTALL)
+    assert rows
+    assert "<td>solved (default)</td><td>4.50</td><td>6.47</td><td>99.5 %</td>" in rows[0]
+    assert "<td>measured</td><td>4.66</td>" in rows[0]
+    assert "<h2>Layers</h2>" not in render_report(replace(result, layer_scores=()))
 
 
 def test_same_result_gives_the_same_bytes(result):
