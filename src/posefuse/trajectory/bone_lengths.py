@@ -56,33 +56,33 @@ class LengthPrior:
         covariance[np.ix_(bone, bone)] = slope[:, limb].T @ tree.shape_covariance @ slope[:, limb]
         return cls(mean, covariance, mirror)
 
-    def posterior(self, measured_m: np.ndarray, sd_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the mean and the standard deviation of each length given measurements, shape (bone,).
+    def posterior_m(self, measured_m: np.ndarray, sd_m: np.ndarray) -> np.ndarray:
+        """Return the mean of each length given measurements, shape (bone,); NaN where it was not measured.
 
-        Both sides have nearly equal lengths. Lengths that were not measured stay NaN, with infinite standard deviation.
+        Both sides have nearly equal lengths.
 
         Args:
             measured_m: shape (bone,): measured lengths; NaN where unknown.
             sd_m: shape (bone,): standard deviations of their errors.
         """
         known = np.isfinite(measured_m) & np.isfinite(sd_m)
-        out, out_sd = np.full(len(known), np.nan), np.full(len(known), np.inf)
+        out = np.full(len(known), np.nan)
         if not known.any():
-            return out, out_sd
+            return out
+        has_prior = np.isfinite(self.mean_m[known])
         opposite = measured_m[self.mirror]
         both = 0.5 * (measured_m + np.where(np.isfinite(opposite), opposite, measured_m))
-        typical = np.where(np.isfinite(self.mean_m), self.mean_m, both)[known]
-        free_share = np.where(np.isfinite(self.mean_m[known]), _KEYPOINT_SHARE, _UNKNOWN_SHARE)
-        prior = self.covariance_m2[np.ix_(known, known)].copy()
-        same = (self.mirror[known][:, None] == np.flatnonzero(known)[None, :]) & ~np.eye(len(typical), dtype=bool)
-        shared = np.square(free_share * typical)
-        prior[np.diag_indices(len(typical))] += shared + 0.5 * np.square(_SIDE_SHARE * typical)
-        prior += np.where(same, np.sqrt(shared[:, None] * shared[None, :]), 0.0)
+        typical = np.where(has_prior, self.mean_m[known], both[known])
+        shared = np.square(np.where(has_prior, _KEYPOINT_SHARE, _UNKNOWN_SHARE) * typical)
+        is_opposite = self.mirror[known][:, None] == np.flatnonzero(known)[None, :]
+        prior = self.covariance_m2[np.ix_(known, known)] + np.where(
+            is_opposite, np.sqrt(shared[:, None] * shared[None, :]), 0.0
+        )
+        single = np.where(np.diag(is_opposite), 0.0, shared)
+        prior[np.diag_indices(len(typical))] += single + 0.5 * np.square(_SIDE_SHARE * typical)
         gain = np.linalg.solve(prior + np.diag(np.square(sd_m[known])), prior).T
         out[known] = typical + gain @ (measured_m[known] - typical)
-        variance = np.diag(prior - gain @ prior)
-        out_sd[known] = np.sqrt(np.clip(variance, 0.0, np.square(sd_m[known])))
-        return out, out_sd
+        return out
 
 
 def _pair(keypoints: np.ndarray) -> frozenset[int]:

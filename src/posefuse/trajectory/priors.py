@@ -44,7 +44,7 @@ class RecordingPriors(PickledByFields):
     Attributes:
         density: shape (person, keypoint): of the white jerk (m^2/s^5) or acceleration (m^2/s^3); NaN where unknown.
         length_m: shape (person, bone): in the order of :class:`Bones`; NaN where unknown.
-        length_sd_m: shape (person, bone): standard deviation of each length over time and of its estimate.
+        length_sd_m: shape (person, bone): standard deviation of each length over time.
         correlation_s: correlation time of detection errors, in which their correlation falls to 1 / e; 0 if white.
         persistent_fraction: fraction of the error variance that persists throughout, like calibration errors.
         innovation_scale: shape (person,): mean square of the innovations of errors, in units of the expected value.
@@ -247,8 +247,8 @@ class _PersonStatistics:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return bone lengths and their standard deviations; NaN and inf with too few frames.
 
-        Standard deviations are those of the length over time and of its estimate. Short recordings determine lengths
-        poorly, because errors of successive frames are correlated; there the distribution of bodies contributes.
+        Standard deviations are those of the length over time. Short recordings determine lengths poorly, because errors
+        of successive frames are correlated; there the distribution of bodies contributes.
 
         Args:
             rigid: shape (bone,), bool: for these bones, variation beyond the given fraction counts as error.
@@ -267,8 +267,7 @@ class _PersonStatistics:
         sd = np.clip(np.sqrt(np.maximum(variance, 0.0)), options.min_bone_variation * mean, most)
         tells &= options.bones & (mean > 0.0)
         error_sd = np.sqrt((self._noise / count + np.square(sd)) / independent)
-        mean, error_sd = prior.posterior(np.where(tells, mean, np.nan), error_sd)
-        return mean, np.where(tells, np.hypot(sd, error_sd), np.inf)
+        return prior.posterior_m(np.where(tells, mean, np.nan), error_sd), np.where(tells, sd, np.inf)
 
     def _error_time_s(self, correlation_s: float) -> float:
         """Return the correlation time of the errors of paths: that of the errors, or the window of the smoother."""
