@@ -27,7 +27,7 @@ from posefuse.trajectory.observations import MeasuredRange
 from posefuse.trajectory.priors import RecordingPriors, estimate_priors
 from posefuse.trajectory.solve import solve
 
-ACTIVITIES: tuple[Activity, ...] = ("walk", "jump", "balance")
+ACTIVITIES: tuple[Activity, ...] = ("walk", "jump", "reach")
 DURATIONS_S = (0.8, 1.7, 3.0)
 RATE_HZ, LONG_S = 60.0, 20.0
 _OPTIONS = TrajectoryOptions()
