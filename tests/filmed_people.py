@@ -21,11 +21,12 @@ def filmed_person(
     rates_hz: tuple[float, ...] = (),
     sigma_px: float = 4.0,
     activities: tuple[Activity, ...] = ("walk", "turn", "reach"),
+    motion: HumanMotion | None = None,
 ) -> PeopleViews:
     """Return what cameras detect of a moving person; a view's timestamp plus its offset is the true time."""
     skeleton = find_skeleton("body_25b")
     figure = human(1.75)
-    motion = HumanMotion.random(activities, rng)
+    motion = motion or HumanMotion.random(activities, rng)
     views = []
     for v, camera in enumerate(rig.cameras):
         rate_hz = rates_hz[v] if rates_hz else 30.0

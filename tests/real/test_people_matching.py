@@ -7,6 +7,7 @@ import pytest
 
 from posefuse.calibration.people.match import match_views
 from posefuse.calibration.people.tracks import tracks_in_views
+from posefuse.errors import CalibrationError
 from posefuse.io.calibration.read import read_cameras
 from posefuse.io.keypoints.read import read_keypoints
 from posefuse.io.keypoints.request import Request
@@ -64,3 +65,16 @@ def test_balancing_person_with_shifted_clocks(shared_data):
     assert np.median(pose_errors(rig, matched)[0]) < 3.0
     # Half a frame of 60 Hz is 8 ms.
     np.testing.assert_allclose(matched.offset_s, shifts_s, atol=0.01)
+
+
+@pytest.mark.parametrize(("first", "second"), [((1, 0), (2, 1)), ((1, 1), (2, 0))])
+def test_views_of_different_people_for_two_seconds_are_refused(shared_data, first, second):
+    """Two people who walk beside each other, of whom each view shows one."""
+    _, people = observed(shared_data("pose2sim"), "calibration/Calib_qualisys.toml", "two_people/pose")
+    views = []
+    for view, person in (first, second):
+        tracks = people.views[view]
+        one = {"keypoints_px": tracks.keypoints_px[:, [person]], "confidence": tracks.confidence[:, [person]]}
+        views.append(replace(tracks, **one))
+    with pytest.raises(CalibrationError, match=r"does not agree|hardly better|equally well"):
+        match_views(replace(people, views=tuple(views)))

@@ -43,7 +43,7 @@ def most_probable(views: Sequence[Bearings], table: People, bones: Bones, focal_
     samples = samples_of(views, table, rig)
     free = free_parameters(focal_known[list(rig.assembly.views)], True)
     settled = []
-    costs_of = _costs_of(rig.assembly)
+    costs_of = costs_function(rig.assembly)
     for assembly in (rig.assembly, *rivals):
         for _ in range(_ROUNDS):
             assembly = readjust(assembly, samples, bones, free)
@@ -60,7 +60,7 @@ def most_probable(views: Sequence[Bearings], table: People, bones: Bones, focal_
     return replace(rig, assembly=best, offset_s=later(rig.offset_s, best), others=())
 
 
-def _costs_of(assembly: Assembly) -> Callable[[BodySamples, Bones, BodyState], np.ndarray]:
+def costs_function(assembly: Assembly) -> Callable[[BodySamples, Bones, BodyState], np.ndarray]:
     """Return the costs by which assemblies are compared.
 
     Bodies follow most errors of two views, so that only the integral over all bodies compares them.
@@ -85,7 +85,7 @@ def _orbited(assembly: Assembly, angle: float) -> Assembly:
 
 def _rivals(rig: Rig, bones: Bones) -> list[Assembly]:
     """Return assemblies of the same views that are very different and not clearly less probable."""
-    costs_of = _costs_of(rig.assembly)
+    costs_of = costs_function(rig.assembly)
     costs = costs_of(rig.assembly.samples, bones, rig.assembly.state)
     found: list[Assembly] = []
     for other in rig.others:

@@ -88,10 +88,12 @@ def assemble(
         offsets_free: whether time offsets are estimated.
 
     Returns:
-        Assemblies from different starts, the most probable first; none without geometries. There are more starts if
-        the first ones do not agree.
+        Assemblies from different starts, the most probable first; none without geometries or observations. There are
+        more starts if the first ones do not agree.
     """
     found: list[Assembly] = []
+    if not len(samples.time_s):
+        return found
     for (a, b), geometry in _starts(edges):
         if len(found) >= _MIN_STARTS and any(_is_same(found[0], other) for other in found[1:]):
             break

@@ -113,23 +113,26 @@ def observation_costs(residuals: np.ndarray, scale: float) -> np.ndarray:
     return np.where(seen, costs, 0.0)
 
 
-def advantage(costs: np.ndarray, other: np.ndarray, time_s: np.ndarray) -> float:
+def advantage(costs: np.ndarray, other: np.ndarray, time_s: np.ndarray | None) -> float:
     """Return by how many standard deviations costs are lower than others; 0 without a difference.
 
     Args:
         costs: shape (sample, keypoint).
         other: shape (sample, keypoint): of the same or of corresponding samples.
-        time_s: shape (sample,).
+        time_s: shape (sample,); None if one moment may decide, so that only sums over keypoints are compared.
     """
     gain = other - costs
     total = float(gain.sum())
+    variance = max(_scatter(gain.sum(axis=0)), 0.0 if time_s is None else _scatter(_sums_over_time(gain, time_s)))
+    return total / np.sqrt(variance) if variance > 0.0 else float(np.copysign(np.inf, total)) if total else 0.0
+
+
+def _sums_over_time(gain: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+    """Return the sums of blocks of time, shape (block,)."""
     span_s = float(np.ptp(time_s))
     length_s = max(min(_BLOCK_S, span_s / _MIN_BLOCKS), 1e-9)
     block = np.minimum((time_s - time_s.min()) / length_s, max(round(span_s / length_s), 1) - 0.5).astype(np.int64)
-    used = np.unique(block)
-    by_time = np.array([gain[block == k].sum() for k in used])
-    sd = np.sqrt(max(_scatter(by_time), _scatter(gain.sum(axis=0))))
-    return total / sd if sd > 0.0 else float(np.copysign(np.inf, total)) if total else 0.0
+    return np.array([gain[block == k].sum() for k in np.unique(block)])
 
 
 def _scatter(sums: np.ndarray) -> float:

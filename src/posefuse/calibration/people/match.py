@@ -26,6 +26,7 @@ from posefuse.calibration.people.cross_validation import check_prediction
 from posefuse.calibration.people.identities import common_people, people_table, strangers
 from posefuse.calibration.people.pairs import relate_pair
 from posefuse.calibration.people.rates import at_rate, rig_rates
+from posefuse.calibration.people.repeated_motion import check_repeated_motion
 from posefuse.calibration.people.rigs import N_SAMPLES, People, Rig, later, with_exact_times
 from posefuse.calibration.people.scale import meters_per_unit
 from posefuse.calibration.people.shared_motion import CLEAR_GAIN, MIN_GAIN, weakest_view
@@ -82,6 +83,7 @@ def match_people(people: PeopleViews, table: People, seed: int = 0) -> MatchedVi
     left_out |= {views[agreeing[v]].name: _rejection(median) for v, median in rig.assembly.rejected.items()}
     timed = [at_rate(views[v], rate) for v, rate in zip(agreeing, rig.rate, strict=True)]
     rig = _settled(timed, _of_views(table, agreeing), bones, focal_known[agreeing], rig)
+    check_repeated_motion(timed, _of_views(table, agreeing), bones, focal_known[agreeing], rig, people.max_offset_s)
     check_prediction(timed, bones, focal_known[agreeing], rig.assembly)
     chosen = [agreeing[v] for v in rig.assembly.views]
     timed = [timed[v] for v in rig.assembly.views]
