@@ -280,8 +280,8 @@ def summary(log: list[dict]) -> None:
     print("| trials | n | failed | " + " | ".join(f"{name} % (NEES)" for name in PARAMETERS) + " | CPU s |")
     print("|---" * (4 + len(PARAMETERS)) + "|")
     names = sorted(set().union(*(groups_of(row["options"]) for row in log)))
-    for group in ("all", *names):
-        rows = [row for row in log if group == "all" or group in groups_of(row["options"])]
+    for group in ("total", *names):
+        rows = [row for row in log if group == "total" or group in groups_of(row["options"])]
         good = [row for row in rows if "error" not in row]
         cells = []
         for name in PARAMETERS:

@@ -12,6 +12,7 @@ from scipy.linalg import block_diag
 from posefuse.calibration.adjust import descend, noise_factors
 from posefuse.calibration.boards.extrinsics import BoardSolution
 from posefuse.calibration.boards.intrinsics import fitted_poses
+from posefuse.calibration.boards.motion_curvature import motion_curvature
 from posefuse.calibration.boards.observations import CornerObservations
 from posefuse.calibration.boards.parameters import LENS, free_lens
 from posefuse.calibration.boards.pose_graph import connect
@@ -23,6 +24,7 @@ from posefuse.model.board import Board
 from posefuse.model.cameras import Camera
 
 _RANK_TOLERANCE = 1e-12
+_MIN_RESPONSE = 0.01
 _MAX_SHARE = 0.95
 _POSES_PER_PERIOD = 6
 _MIN_PERIODS = 8
@@ -50,9 +52,24 @@ def joint_covariance(solution: BoardSolution) -> np.ndarray:
         known = root.T @ prior @ root
         whitened = [(root.T @ curvature @ root, score @ root) for curvature, score in periods]
         # A prior contributes its curvature.
-        whole = root @ (_score_covariance(whitened, solution.model.observations.n_points) + known) @ root.T
+        scores = _score_covariance(whitened, solution.model.observations.n_points) + known
+        response = root @ _response(solution, root, known)
+        whole = response @ scores @ response.T
         out[np.ix_(columns, columns)] = whole[: len(columns), : len(columns)]
     return out.reshape(n_views, free.shape[1], n_views, free.shape[1])
+
+
+def _response(solution: BoardSolution, root: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Return how the cameras respond to a score if the motion of the board follows from its poses.
+
+    Args:
+        solution: the calibration.
+        root: coordinates in which the curvature with the prior and with a fixed motion is the identity.
+        known: the prior in these coordinates.
+    """
+    curvature = motion_curvature(ShapedModel(solution.model), solution.scale, with_free_shape(solution.free))
+    left, values, right = np.linalg.svd(root.T @ curvature @ root + known)
+    return (right.T / np.maximum(values, _MIN_RESPONSE * values[0])) @ left.T
 
 
 def _periods(solution: BoardSolution) -> list[tuple[np.ndarray, np.ndarray]]:
