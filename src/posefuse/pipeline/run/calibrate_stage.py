@@ -143,10 +143,10 @@ def calibrate_people(
 
     for start in starts[:-1]:
         with contextlib.suppress(CalibrationError, DetectionsError):
-            result = _with_widening_offsets(partial(calibrate, start), options, widest_s)
+            result = _with_widening_offsets(partial(calibrate, start), options, widest_s, run.max_offset_s)
             break
     else:
-        result = _with_widening_offsets(partial(calibrate, starts[-1]), options, widest_s)
+        result = _with_widening_offsets(partial(calibrate, starts[-1]), options, widest_s, run.max_offset_s)
     calibrated = Calibrated(summarize_people(result), result.left_out)
     _write(calibrated, result.rig, output, "the people")
     return calibrated
@@ -179,10 +179,17 @@ def refine(plan: RunPlan, calibration: Path, detections: Detections, output: Pat
     return result
 
 
-def _with_widening_offsets(calibrate: Any, options: PeopleOptions, widest_s: float) -> PeopleCalibration:
-    """Calibrate with views that start at about the same time, and if that fails, with views that do not."""
+def _with_widening_offsets(calibrate: Any, options: PeopleOptions, widest_s: float, most_s: float) -> PeopleCalibration:
+    """Calibrate with views that start at about the same time, and if that fails, with views that do not.
+
+    Args:
+        calibrate: calibrates with given options.
+        options: of the calibration.
+        widest_s: largest offset at which the videos overlap enough.
+        most_s: largest offset that the user allows.
+    """
     near = replace(options, max_offset_s=min(options.max_offset_s, max(widest_s, 0.0)))
-    wide = replace(options, max_offset_s=max(options.max_offset_s, widest_s))
+    wide = replace(options, max_offset_s=min(max(options.max_offset_s, widest_s), most_s))
     try:
         first = calibrate(near)
     except CalibrationError:
