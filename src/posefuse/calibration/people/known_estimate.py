@@ -1,6 +1,6 @@
 """Estimate cameras from people where the poses of some are known, and find those that are no longer there."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -75,7 +75,8 @@ def estimate_with_known(
         found = {camera.name: camera for camera in result.cameras if camera.name in found}
         refused |= _refused(placement, result, [n for each in kept for n in each])
         again = [
-            _again(placement.poses, result, group, each, refused) for group, each in zip(groups, kept, strict=True)
+            _again(placement.poses, result, group, each, refused, found)
+            for group, each in zip(groups, kept, strict=True)
         ]
         if again == kept or not any(again):
             break
@@ -106,7 +107,12 @@ def _limits(result: PeopleEstimate, group: KnownGroup, *, first: bool) -> Mappin
 
 
 def _again(
-    poses: Mapping[str, Camera], result: PeopleEstimate, group: KnownGroup, kept: tuple[str, ...], refused: set[str]
+    poses: Mapping[str, Camera],
+    result: PeopleEstimate,
+    group: KnownGroup,
+    kept: tuple[str, ...],
+    refused: set[str],
+    shown: Collection[str],
 ) -> tuple[str, ...]:
     """Return the cameras that are where they are known to be, given the estimate with those that seemed to be."""
     if not kept:
@@ -114,7 +120,8 @@ def _again(
     limits = _limits(result, group, first=False)
     out = []
     for camera in result.cameras:
-        if camera.name not in group.rig.names or camera.name in refused:
+        # People do not show cameras that the placement added.
+        if camera.name not in group.rig.names or camera.name in refused or camera.name not in shown:
             continue
         turn, shift_m = pose_difference(camera, poses[camera.name])
         if camera.name in kept or (turn <= limits[camera.name][0] and shift_m <= limits[camera.name][1]):

@@ -68,3 +68,13 @@ def _aligned(found, rig):
     now = CameraRig(found.estimate.cameras)
     world = similarity([now[n] for n in names], [rig[n] for n in names], scale=1.0)
     return [world.camera(camera) for camera in now.cameras]
+
+
+def test_known_cameras_that_people_do_not_show_are_added():
+    matched, rig = walking_person(cameras=4, duration_s=4.0, seed=2)
+    shown = replace(matched, views=matched.views[:3], offset_s=matched.offset_s[:3], rate=matched.rate[:3])
+    found = estimate_with_known(disturbed(shown, 2), (KnownGroup(rig, SD),), add_unseen=True)
+    assert found.kept == rig.names[:3]
+    added = CameraRig(found.estimate.cameras)["cam_3"]
+    apart = np.linalg.norm(added.center_m - found.estimate.cameras[0].center_m)
+    assert apart == pytest.approx(np.linalg.norm(rig["cam_3"].center_m - rig["cam_0"].center_m), rel=0.002)
