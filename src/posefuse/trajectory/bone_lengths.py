@@ -15,6 +15,13 @@ _KEYPOINT_SHARE = 0.1
 """Standard deviation of the distance between two keypoints of a detector for a given body, as a share of the length:
 detectors place keypoints differently."""
 
+_IMPLAUSIBLE = 4.0
+"""Number of standard deviations of the logarithm of the size beyond which another unit of length, or a very small or
+large subject, is more probable. The proportions of bodies still apply."""
+
+_MEDIAN_VARIANCE = 0.5 * np.pi
+"""Variance of the median of normal numbers over that of their mean."""
+
 _UNKNOWN_SHARE = 10.0
 """Standard deviation of a length without a distribution, as a share of the measured length."""
 
@@ -59,7 +66,8 @@ class LengthPrior:
     def posterior_m(self, measured_m: np.ndarray, sd_m: np.ndarray) -> np.ndarray:
         """Return the mean of each length given measurements, shape (bone,); NaN where it was not measured.
 
-        Both sides have nearly equal lengths.
+        Both sides have nearly equal lengths. The result is in the unit of the measurements: where bodies of another
+        size are measured, the distribution is scaled to that size.
 
         Args:
             measured_m: shape (bone,): measured lengths; NaN where unknown.
@@ -70,12 +78,13 @@ class LengthPrior:
         if not known.any():
             return out
         has_prior = np.isfinite(self.mean_m[known])
+        size = self._size(measured_m, sd_m)
         opposite = measured_m[self.mirror]
         both = 0.5 * (measured_m + np.where(np.isfinite(opposite), opposite, measured_m))
-        typical = np.where(has_prior, self.mean_m[known], both[known])
+        typical = np.where(has_prior, size * self.mean_m[known], both[known])
         shared = np.square(np.where(has_prior, _KEYPOINT_SHARE, _UNKNOWN_SHARE) * typical)
         is_opposite = self.mirror[known][:, None] == np.flatnonzero(known)[None, :]
-        prior = self.covariance_m2[np.ix_(known, known)] + np.where(
+        prior = size**2 * self.covariance_m2[np.ix_(known, known)] + np.where(
             is_opposite, np.sqrt(shared[:, None] * shared[None, :]), 0.0
         )
         single = np.where(np.diag(is_opposite), 0.0, shared)
@@ -83,6 +92,19 @@ class LengthPrior:
         gain = np.linalg.solve(prior + np.diag(np.square(sd_m[known])), prior).T
         out[known] = typical + gain @ (measured_m[known] - typical)
         return out
+
+    def _size(self, measured_m: np.ndarray, sd_m: np.ndarray) -> float:
+        """Return the size of the measured subject relative to the bodies of the distribution; 1 if it is plausible."""
+        known = (measured_m > 0.0) & np.isfinite(sd_m) & np.isfinite(self.mean_m)
+        if not known.any():
+            return 1.0
+        mean_m = self.mean_m[known]
+        size = float(np.median(measured_m[known] / mean_m))
+        of_bodies = self.covariance_m2[np.ix_(known, known)].sum() / mean_m.sum() ** 2
+        # Of one bone: its error, and the places of its keypoints.
+        of_bone = np.square(sd_m[known] / (size * mean_m)).mean() + _KEYPOINT_SHARE**2
+        variance = of_bodies + _MEDIAN_VARIANCE * of_bone / known.sum()
+        return 1.0 if abs(np.log(size)) <= _IMPLAUSIBLE * np.sqrt(variance) else size
 
 
 def _pair(keypoints: np.ndarray) -> frozenset[int]:

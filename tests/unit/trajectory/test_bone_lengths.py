@@ -46,6 +46,18 @@ def test_poor_measurements_follow_the_size_of_the_body(human):
     assert np.abs(length - large).mean() < 0.4 * np.abs(measured - large).mean()
 
 
+@pytest.mark.parametrize("unit", [0.01, 0.5, 2.0, 100.0, 1000.0])
+def test_worlds_in_other_units_have_the_same_proportions(human, unit):
+    prior, names = human
+    noise = np.random.default_rng(0).standard_normal(len(names))
+    sd = np.full(len(names), 0.02)
+    expected = prior.posterior_m(prior.mean_m + 0.02 * noise, sd)
+    length = prior.posterior_m(unit * (prior.mean_m + 0.02 * noise), unit * sd)
+    np.testing.assert_allclose(length, unit * expected, rtol=0.1)
+    errors = length / unit - prior.mean_m
+    assert np.sqrt(np.square(errors).mean()) < 0.8 * 0.02 * np.sqrt(np.square(noise).mean())
+
+
 def test_both_sides_share_their_lengths(human):
     prior, names = human
     one, other = names.index(("left_elbow", "left_wrist")), names.index(("right_elbow", "right_wrist"))
