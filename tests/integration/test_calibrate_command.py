@@ -74,7 +74,10 @@ def test_report_is_written_unless_it_is_declined(videos, tmp_path, capsys):
         ("charuco:6x5,square=80mm,dict=5X5_50", "write dict=4X4_50"),
         ("charuco:6x5,square=80mm,inverted", "remove inverted"),
         ("charuco:7x5,square=80mm", "fewer squares than stated, 6 columns and at least 5 rows: write charuco:6x5"),
-        ("charuco:5x6,square=80mm", "more squares than stated, 6 columns and at least 5 rows"),
+        (
+            "charuco:5x6,square=80mm",
+            "6 columns and at least 5 rows of squares: columns come before rows, write charuco:6x5",
+        ),
         ("charuco:6x4,square=80mm", "more squares than stated, 6 columns and at least 5 rows"),
         ("charuco:6x5,square=80mm,dict=4X4_1000,inverted", "remove inverted"),
         ("charuco:6x5,square=80", "a positive length with its unit"),

@@ -67,7 +67,7 @@ def find_images(folder: Path) -> tuple[ViewImages, ...]:
             f"{folder} has neither videos ({', '.join(VIDEO_ENDINGS)}) nor folders of pictures, one per camera. Give "
             "the folder that holds one video of the board per camera."
         )
-    listed = "".join(f"\n  {place}  ({len(views)} {_kind(views)})" for place, views in sets)
+    listed = "".join(f"\n  {place}  ({_count(views)})" for place, views in sets)
     raise RecordingError(f"{folder} has {len(sets)} sets of images. Give the folder of one:{listed}")
 
 
@@ -114,8 +114,9 @@ def pictures_in(folder: Path) -> tuple[Path, ...]:
     return _files(folder, PICTURE_ENDINGS)
 
 
-def _kind(views: tuple[ViewImages, ...]) -> str:
-    return "videos" if views[0].is_video else "folders of pictures"
+def _count(views: tuple[ViewImages, ...]) -> str:
+    one, several = ("video", "videos") if views[0].is_video else ("folder of pictures", "folders of pictures")
+    return f"{len(views)} {one if len(views) == 1 else several}"
 
 
 def _folders(folder: Path, depth: int = 0) -> Iterator[Path]:

@@ -121,6 +121,8 @@ def _share(name: str, value: object) -> float:
 def _from_file(path: Path) -> Board:
     """Return the board of a file."""
     must_exist(path, "description of a board")
+    if path.is_dir():
+        raise FileError(f"{path} is a folder. Describe the board as {EXAMPLE!r}, or name its TOML file.")
     with reading(path, "description of a board"):
         content = tomllib.loads(path.read_text(encoding="utf-8"))
         for matches, read in _READERS:

@@ -72,7 +72,10 @@ class Board:
             ("gap", self.gap, 10.0),
         ):
             if not 0.0 < value < most:
-                raise CalibrationError(f"{name} of a board must be above 0 and below {most:g}, got {value:g}.")
+                what, unit = ("square", " m") if name == "square_m" else (name, "")
+                raise CalibrationError(
+                    f"{what} of a board must be above 0 and below {most:g}{unit}, got {value:g}{unit}."
+                )
         if self.kind == "checkerboard":
             object.__setattr__(self, "dictionary", "")
             return

@@ -104,6 +104,11 @@ def _begins(stated: str, found: str) -> bool:
 def _size(layout: Layout, board: Board) -> str:
     """Return the size of the board in the images."""
     unit = "squares" if board.kind == "charuco" else "markers"
+    if layout.columns == board.rows and layout.rows <= board.columns:
+        return (
+            f"The images show {layout.columns} columns and at least {layout.rows} rows of {unit}: columns come before "
+            f"rows, write {board.kind}:{board.rows}x{board.columns}."
+        )
     rows = max(layout.rows, 2 if board.kind == "charuco" else 1)
     return (
         f"The images show a board with {_more(layout, board)} {unit} than stated, {layout.columns} columns and at "

@@ -89,6 +89,11 @@ def test_wrong_descriptions_are_explained(text, message):
         read_board_spec(text)
 
 
+def test_folder_is_no_description(tmp_path):
+    with pytest.raises(FileError, match="is a folder. Describe the board as"):
+        read_board_spec(tmp_path)
+
+
 def test_file_without_a_board(tmp_path):
     path = tmp_path / "settings.toml"
     path.write_text("name = 'x'\n")

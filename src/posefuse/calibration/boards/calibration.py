@@ -11,9 +11,10 @@ from posefuse.calibration.boards.extrinsics import BoardSolution, solve_extrinsi
 from posefuse.calibration.boards.held_out import HeldOutErrors, held_out_errors
 from posefuse.calibration.boards.intrinsics import LENSES, Intrinsics, coverage, estimate_intrinsics
 from posefuse.calibration.boards.observations import corner_observations
+from posefuse.calibration.boards.parameters import OFFSET
 from posefuse.calibration.boards.start_times import start_offsets_s
 from posefuse.calibration.stated_covariance import largest_sd, with_covariances
-from posefuse.errors import CalibrationError
+from posefuse.errors import CalibrationError, choices
 from posefuse.model.board import Board
 from posefuse.model.cameras import Camera, CameraRig, LensModel
 from posefuse.model.detections import Detections
@@ -208,6 +209,7 @@ def _summarize(
     model, seen = solution.model, solution.model.observations
     errors, covariance = model.errors_px(), joint_covariance(solution)
     held_out = held_out_errors(solution)
+    still = [v for v in range(1, len(known)) if not solution.free[v, OFFSET]]
     reports = []
     for v, (camera, each) in enumerate(zip(rig.cameras, known, strict=True)):
         own, block = seen.view == v, covariance[v, :, v]
@@ -222,7 +224,7 @@ def _summarize(
                 center_sd_m=largest_sd(block[3:6, 3:6]),
                 focal_sd_px=float(np.sqrt(block[6, 6])),
                 offset_s=float(model.offset_s[v]),
-                offset_sd_s=float(np.sqrt(block[18, 18])) if has_rate else float("nan"),
+                offset_sd_s=float(np.sqrt(block[18, 18])) if has_rate and v not in still else float("nan"),
                 lens_given=each.given,
             )
         )
@@ -238,5 +240,16 @@ def _summarize(
         n_frames=seen.n_points,
         frame_numbers=frame_numbers[seen.frame],
         shared=solution.graph.shared,
+        notes=_offset_notes([rig.names[v] for v in still]) if has_rate else (),
         solution=solution,
+    )
+
+
+def _offset_notes(names: list[str]) -> tuple[str, ...]:
+    """Return a note about cameras whose time offsets their images do not show."""
+    if not names:
+        return ()
+    return (
+        f"The images of the board by {choices(names)} are too far apart in time to show its motion, so time offsets "
+        "of these cameras are not estimated. Examine more images per second.",
     )

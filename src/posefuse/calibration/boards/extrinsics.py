@@ -77,13 +77,21 @@ def solve_extrinsics(
     model, scale, _ = estimate(model, free, _START_ERROR)
     for v, is_free in enumerate(free_lenses):
         free[v] |= free_lens(cameras[v]) & is_free
-    free[1:, OFFSET] = has_rate
+    free[1:, OFFSET] = has_rate & _moves(model)[1:]
     shaped, all_free = ShapedModel(model), with_free_shape(free)
     if has_rate:
         shaped, scale = _with_motion(shaped, all_free, scale)
     else:
         shaped, scale, _ = estimate(shaped, all_free, float(np.nanmax(scale)))
     return BoardSolution(shaped.board, scale, free, graph)
+
+
+def _moves(model: BoardModel) -> np.ndarray:
+    """Return which views show the motion of the board, without which a time offset changes nothing."""
+    moving = model.moving()
+    motion, seen = moving.motion, moving.observations
+    moved = np.any((motion.spin != 0.0) | (motion.velocity != 0.0), axis=1)[seen.point]
+    return np.bincount(seen.view, weights=moved, minlength=model.n_views) > 0.0
 
 
 def _with_motion(model: ShapedModel, free: np.ndarray, scale: np.ndarray) -> tuple[ShapedModel, np.ndarray]:

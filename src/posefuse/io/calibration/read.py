@@ -7,6 +7,7 @@ from posefuse.errors import FileError, choices
 from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.calibration.registry import CALIBRATIONS
 from posefuse.io.files import must_exist
+from posefuse.io.videos.reader import VIDEO_ENDINGS
 from posefuse.model.cameras import CameraRig, UpAxis
 from posefuse.model.options.options import LengthUnit
 
@@ -39,6 +40,11 @@ def read_cameras(path: str | Path, *, length_unit: LengthUnit | None = None, up:
         CameraError: if a camera's parameters are invalid.
     """
     path = must_exist(Path(path), "calibration file")
+    if path.suffix.lower() in VIDEO_ENDINGS:
+        raise FileError(
+            f"{path} is a video, not a calibration. Calibrate by videos of a board first: `posefuse calibrate FOLDER "
+            "--board BOARD --output calibration.toml`."
+        )
     form = find_format(path)
     if form is None and path.is_dir():
         raise FileError(

@@ -70,6 +70,17 @@ def test_time_offsets_are_found(offset_s):
     assert result.error_px < 0.4
 
 
+def test_images_too_far_apart_for_the_motion_of_the_board_state_no_time_offset():
+    rig = board_rig(2)
+    slow = board_detections(rig, n_frames=20).with_rate(1.0)
+    result = calibrate_board(slow, BOARD, sizes(rig), intrinsics=unplaced(rig))
+    assert result.cameras[0].offset_sd_s == 0.0
+    assert result.cameras[1].offset_s == 0.0
+    assert np.isnan(result.cameras[1].offset_sd_s)
+    assert np.all(result.covariance[1] < 1.0)
+    assert any("cam_1 are too far apart in time" in note for note in result.notes)
+
+
 @pytest.mark.parametrize("offset_s", [-0.15, 0.12])
 def test_poses_that_only_a_late_camera_sees_do_not_diverge(offset_s):
     """Their velocity follows from those of their neighbors, which it is part of."""

@@ -52,6 +52,9 @@ def test_other_files_are_not_calibrations(tmp_path):
     notes.write_text("hello")
     with pytest.raises(FileError, match=r"not a calibration in a supported format. Supported: caliscope"):
         read_cameras(notes)
+    (tmp_path / "cam_1.mp4").write_bytes(b"")
+    with pytest.raises(FileError, match="is a video, not a calibration"):
+        read_cameras(tmp_path / "cam_1.mp4")
     settings = tmp_path / "settings.toml"
     settings.write_text("a = 1")
     with pytest.raises(PosefuseError, match="not a calibration"):
