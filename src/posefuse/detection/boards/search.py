@@ -1,8 +1,9 @@
 """Search a board in the images of a video: around the place where it was, else in an image of half the size.
 
 Most images of a calibration show no board, and a board fills a small part of the others. Small markers are lost in a
-reduced image; so a board that is not found where it was is searched in the whole image. While no image shows the board,
-only one image in a third of a second is examined; where it appears, those before are examined, too.
+reduced image; so a board that is not found where it was is searched in the whole image. Once no image has shown
+the board for a third of a second, only one image in that time is examined; where it appears, those before are examined,
+too.
 """
 
 from collections.abc import Iterable, Iterator
@@ -22,7 +23,7 @@ _WHOLE = 0.6
 """Share of an image above which the whole image is searched."""
 _MAX_STEP_S, _MAX_WAITING = 0.35, 12
 """Longest time from one examined image to the next, and the most images between them; a board that is shown for less is
-blurred or of little use."""
+blurred or of little use. After a board that is missed in some images, for so long all images are examined."""
 
 
 @dataclass
@@ -45,14 +46,17 @@ class BoardSearch:
             images: times in s, and images of shape (height, width), uint8, in order.
         """
         waiting: list[np.ndarray] = []
-        last_s = float("-inf")
+        last_s = seen_s = float("-inf")
+        n_missed = 0
         previous: tuple[float, np.ndarray] | None = None
         for time_s, gray in images:
             if previous is not None:
-                # The previous image is the last one that is early enough, or the board was there before.
-                if self._seen or len(waiting) == _MAX_WAITING or not time_s - last_s <= _MAX_STEP_S:
+                # The previous image is the last one that is early enough, or the board was there shortly before.
+                was_there = n_missed < _MAX_WAITING and previous[0] - seen_s <= _MAX_STEP_S
+                if was_there or len(waiting) == _MAX_WAITING or not time_s - last_s <= _MAX_STEP_S:
                     yield from self._examine(waiting, previous[1])
                     waiting, last_s = [], previous[0]
+                    seen_s, n_missed = (last_s, 0) if self._seen else (seen_s, n_missed + 1)
                 else:
                     waiting.append(previous[1])
             previous = time_s, gray

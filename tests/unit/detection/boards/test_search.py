@@ -68,4 +68,18 @@ def test_few_images_are_examined_while_no_board_is_shown(spec, rate_hz, monkeypa
     shown = np.array([np.isfinite(corners).any() for _, corners in pairs])
     assert np.flatnonzero(shown).tolist() == list(range(first, last))
     n_empty = sum(gray is empty for gray in searched)
-    assert n_empty <= 3 + max((n - last + first) / 13, 2.2 / 0.35 * (2 if rate_hz < 10 else 1))
+    after_board = min(0.35 * rate_hz, 12)
+    assert n_empty <= 3 + after_board + max((n - last + first) / 13, 2.2 / 0.35 * (2 if rate_hz < 10 else 1))
+
+
+@pytest.mark.parametrize("rate_hz", [15.0, 30.0, 120.0])
+def test_boards_that_are_missed_in_some_images_are_found_in_all_others(rate_hz, monkeypatch):
+    """A board that is blurred or far away is found in a part of the images."""
+    found = np.zeros((4, 2))
+    monkeypatch.setattr(BoardSearch, "corners_px", lambda self, gray: found if gray.any() else np.full((4, 2), np.nan))
+    shown = np.random.default_rng(0).random(400) < 0.7
+    images = [np.full((2, 2), each, dtype=np.uint8) for each in shown]
+    pairs = BoardSearch(BoardDetector(read_board_spec(SPECS[0]))).corners_of(
+        (k / rate_hz, image) for k, image in enumerate(images)
+    )
+    np.testing.assert_array_equal([np.isfinite(corners).all() for _, corners in pairs], shown)
