@@ -94,7 +94,7 @@ def videos_given(given: tuple[str, ...]) -> list[str | Path] | dict[str, str | P
 
 def describe(outcome: "DetectionOutcome") -> None:
     """Print what was found in each view, and where it was written."""
-    columns = ["view", "images", "with people", "most people", "tracks", "frames/s"]
+    columns = ["view", "images", "with people", "most people", "tracks", "video Hz"]
     rows = [
         [
             view.name,

@@ -32,7 +32,7 @@ def report(
     """
     from posefuse.alignment.apply import in_calibration_world
     from posefuse.cli.videos import offsets_by_camera, videos_by_camera
-    from posefuse.io.outputs import check_new_files
+    from posefuse.io.outputs import check_new_page
     from posefuse.io.results.comparable import pair_with_truth, truth_at_frames_of
     from posefuse.io.results.open_result import open_result
     from posefuse.pipeline.evaluate_files import score
@@ -40,7 +40,7 @@ def report(
 
     path, reconstruction = open_result(result)
     target = output or path.parent / "report.html"
-    check_new_files([target], overwrite=overwrite)
+    check_new_page(target, overwrite=overwrite)
     truth_m = accuracy = None
     if truth:
         compared = in_calibration_world(reconstruction)

@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from posefuse.errors import OutputExistsError, choices
+from posefuse.errors import FileError, OutputExistsError, choices
 from posefuse.io.files import check_folder_marker, writable
 
 _MOST_NAMES = 4
@@ -31,6 +31,18 @@ def check_new_files(files: Iterable[Path], *, overwrite: bool, target: str = "`o
     if not others:
         raise exists_error(f"{first} exists already", target)
     raise exists_error(f"{choices([str(file) for file in existing], _MOST_NAMES)} exist already", target)
+
+
+def check_new_page(path: Path, *, overwrite: bool) -> None:
+    """Refuse to replace a page, or to write one under a name that browsers do not open.
+
+    Raises:
+        FileError: if the name does not end in ``.html`` or ``.htm``.
+        OutputExistsError: if the file exists and is not to be replaced.
+    """
+    if path.suffix.lower() not in {".html", ".htm"}:
+        raise FileError(f"{path}: the name of the page must end in .html.")
+    check_new_files([path], overwrite=overwrite)
 
 
 def check_new_folder(folder: Path, *, overwrite: bool, marker: str = "", target: str = "`output`") -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from posefuse.arguments import checked
 from posefuse.errors import ResultError
 from posefuse.io.files import replacing
-from posefuse.io.outputs import check_new_files
+from posefuse.io.outputs import check_new_page
 from posefuse.io.videos.reader import open_video
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
@@ -52,14 +52,14 @@ def write_contact_sheet(
 
     Raises:
         MatchError: if a video or an offset names an unknown camera.
-        FileError: if a video cannot be read.
+        FileError: if a video cannot be read, or the name of the page does not end in .html.
         ResultError: if the result is of a single camera, or its people differ from frame to frame.
         OutputExistsError: if the page exists and ``overwrite`` is False.
     """
     progress, videos, offset_s = progress or Silent(), videos or {}, offset_s or {}
     if not result.has_identities:
         raise ResultError("The people of unrelated frames have no identity, so there is none to select.")
-    check_new_files([path], overwrite=overwrite)
+    check_new_page(path, overwrite=overwrite)
     check_names(result.rig, videos, "videos")
     check_names(result.rig, offset_s, "offset_s")
     layer, _ = result.best_layer(result.options.layer)

@@ -1,5 +1,6 @@
 """Match views to cameras."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from posefuse.errors import MatchError, choices
@@ -31,7 +32,7 @@ def match_views(
     """
     order = options.camera_order
     rig, detections, order, left_out = _without_uncalibrated(rig, detections, options)
-    names = _by_order(rig, detections, order) if order else _by_name(rig, detections)
+    names = _by_order(rig, detections, order) if order else _by_name(rig, detections.view_names)
     wanted = options.cameras or tuple(name for name in names if name not in options.exclude_camera)
     for name in (*options.cameras, *options.exclude_camera):
         rig.index(name)
@@ -50,6 +51,22 @@ def match_views(
         views = [detections.view_names[names.index(name)] for name in wanted]
         detections = detections.views(views)
     return rig.select(wanted), detections, tuple(notes)
+
+
+def check_names(rig: CameraRig, view_names: Sequence[str], options: Options) -> None:
+    """Raise the error of :func:`match_views` before there are detections, if views match no cameras by name.
+
+    Args:
+        rig: calibrated cameras.
+        view_names: names of all views.
+        options: options of the reconstruction.
+
+    Raises:
+        MatchError: if a view has no camera or several candidates.
+    """
+    left_out = {plain_name(name) for name in rig.left_out}
+    if not options.camera_order:
+        _by_name(replace(rig, left_out=()), [name for name in view_names if plain_name(name) not in left_out])
 
 
 def _without_uncalibrated(
@@ -83,22 +100,22 @@ def _by_order(rig: CameraRig, detections: Detections, order: tuple[str, ...]) ->
     return tuple(rig.cameras[rig.index(name)].name for name in order)
 
 
-def _by_name(rig: CameraRig, detections: Detections) -> tuple[str, ...]:
+def _by_name(rig: CameraRig, view_names: Sequence[str]) -> tuple[str, ...]:
     names = []
-    for view in detections.view_names:
+    for view in view_names:
         exact = [name for name in rig.names if name == view]
         near = [name for name in rig.names if plain_name(name) == plain_name(view)]
         found = exact or near or [name for name in rig.names if has_name(view, name)]
         if len(found) != 1:
             problem = "matches no camera by name" if not found else f"could be any of {choices(found)}"
             raise MatchError(
-                f"View {view!r} {problem}. Views: {choices(detections.view_names)}. Cameras: {choices(rig.names)}. "
+                f"View {view!r} {problem}. Views: {choices(view_names)}. Cameras: {choices(rig.names)}. "
                 "To match them in another way, use `camera_order`: one camera name per view, in the order of the views "
                 "above."
             )
         names.append(found[0])
     if len(set(names)) != len(names):
         repeated = next(name for name in names if names.count(name) > 1)
-        views = [view for view, name in zip(detections.view_names, names, strict=True) if name == repeated]
+        views = [view for view, name in zip(view_names, names, strict=True) if name == repeated]
         raise MatchError(f"Views {choices(views)} all match camera {repeated!r}. Rename them, or use `camera_order`.")
     return tuple(names)

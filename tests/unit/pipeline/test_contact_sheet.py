@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from posefuse.errors import MatchError, OutputExistsError
+from posefuse.errors import FileError, MatchError, OutputExistsError
 from posefuse.pipeline.contact_sheet import write_contact_sheet
 from tests.videos import SIZE_PX, coded_video, moving_sticks
 
@@ -47,5 +47,7 @@ def test_wrong_videos_are_stated_and_existing_pages_kept(tmp_path):
     assert "The video of cam0 is not shown" in page
     with pytest.raises(OutputExistsError):
         write_contact_sheet(moving_sticks(), tmp_path / "people.html")
+    with pytest.raises(FileError, match="must end in .html"):
+        write_contact_sheet(moving_sticks(), tmp_path / "people")
     with pytest.raises(MatchError, match="no camera 'cam7'"):
         write_contact_sheet(moving_sticks(), tmp_path / "b.html", videos={"cam7": turned})

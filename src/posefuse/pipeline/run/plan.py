@@ -25,6 +25,7 @@ from posefuse.model.options.run import RunOptions
 from posefuse.model.view_names import matching_name
 from posefuse.pipeline.run.board_choice import BoardChoice, choose_board, is_of_board
 from posefuse.pipeline.run.view_facts import ViewFacts, check_sizes, examine_views
+from posefuse.preprocess.match_cameras import check_names
 
 KEYPOINTS, CALIBRATION, SYNC, RESULT, REPORT = (
     "keypoints",
@@ -276,6 +277,10 @@ class _Planner:
             self.run = replace(self.run, calibration=relative(path, session.folder))
             rig = read_cameras(path, length_unit=self.options.length_unit, up=self.options.up)
             check_sizes(self.views, rig, self.notes, self.problems)
+            if self.run.keypoints is None:
+                # Before people are detected, which takes minutes.
+                with self._collected():
+                    check_names(rig, [view.name for view in self.views], self.options)
             if self.run.board is not None:
                 self.notes.append(
                     f"The board is not used, because there is a calibration ({self.run.calibration}). "

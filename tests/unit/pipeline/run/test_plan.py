@@ -11,7 +11,9 @@ from posefuse import RunOptions
 from posefuse.errors import FileError, OptionsError, RecordingError
 from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native
+from posefuse.model.cameras import CameraRig
 from posefuse.model.options.detection import DetectOptions
+from posefuse.model.options.options import Options
 from posefuse.synthetic.options import CLEAN, SceneOptions
 from posefuse.synthetic.scenes import simulate
 from tests.coded_videos import SIZE_PX, small_rig
@@ -134,6 +136,15 @@ def test_broken_and_rotated_videos(videos):
     coded_video(videos / "videos" / "cam_1.mp4", 3, size_px=(160, 90))
     assert "Use a calibration of this resolution" in plan_of(videos).problems[1]
     assert not plan_of(videos, RunOptions(calibration="people")).problems
+
+
+def test_a_calibration_of_other_cameras_is_a_problem_before_the_detection(videos):
+    rig = small_rig(2)
+    named = [replace(camera, name=name) for camera, name in zip(rig.cameras, ("left", "right"), strict=True)]
+    anipose.write(CameraRig(tuple(named)), videos / "calibration.toml")
+    (problem,) = plan_of(videos).problems
+    assert problem.startswith("View 'cam_0' matches no camera by name.")
+    assert plan_of(videos, options=Options(camera_order=("left", "right"))).problems == ()
 
 
 def test_folders_with_nothing_to_do(tmp_path):
