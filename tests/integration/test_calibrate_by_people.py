@@ -180,11 +180,13 @@ def test_an_earlier_calibration_of_another_rig_keeps_nothing(scene):
 
 def test_the_command_brings_a_calibration_up_to_date(scene, folder, capsys):
     earlier, output = folder / "earlier.toml", folder / "again.toml"
-    anipose.write(moved_rig(scene.rig, 25.0, 0.4), earlier)
+    scale = "The scale is set by the stature of 1.8 m, within 3.5 % (sd)."
+    anipose.write(replace(moved_rig(scene.rig, 25.0, 0.4), notes=(scale,)), earlier)
     main(["calibrate", str(folder / "recording"), "--from", str(earlier), "-o", str(output)])
     text = " ".join(capsys.readouterr().out.split())
     assert f"Moved since the earlier calibration: '{scene.rig.names[1]}'" in text
     assert "The world and the scale are those of the earlier calibration." in text
+    assert f"Of the earlier calibration: {scale}" in text
     assert posefuse.read_cameras(output).up_axis == "z"
     assert output.with_suffix(".html").is_file()
     again = posefuse.recalibrate(scene.detections, None, output)

@@ -1,5 +1,6 @@
 """World of a calibration by people: its size by the people, up and the floor by their feet and posture."""
 
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,6 +31,8 @@ _ADULT_SHARE = 0.88
 """People smaller than this share of the tallest are children, or adults whom the mean stature does not describe."""
 _MAX_FEET_SD_DEG = 10.0
 """Largest standard deviation of the tilt of a floor by feet alone."""
+_SCALE = re.compile(r"The scale is set by .*?\(sd\)")
+"""What the note of an earlier calibration by people states of the scale."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +52,10 @@ class PeopleWorld:
 
 def earlier_world(found: KnownEstimate, earlier: CameraRig) -> PeopleWorld:
     """Return the world in which the cameras that did not move are where an earlier calibration has them."""
-    return _world_of(found, earlier, "The world and the scale are those of the earlier calibration.")
+    world = _world_of(found, earlier, "The world and the scale are those of the earlier calibration.")
+    # Covariances of cameras do not contain the error of the scale, so this note is all that is known of it.
+    scale = [f"Of the earlier calibration: {stated[0]}." for note in earlier.notes if (stated := _SCALE.search(note))]
+    return replace(world, notes=(*world.notes, *scale))
 
 
 def board_world(found: KnownEstimate, by_board: CameraRig) -> PeopleWorld:

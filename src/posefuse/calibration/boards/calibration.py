@@ -240,7 +240,7 @@ def _summarize(
         n_frames=seen.n_points,
         frame_numbers=frame_numbers[seen.frame],
         shared=solution.graph.shared,
-        notes=_offset_notes([rig.names[v] for v in still]) if has_rate else (),
+        notes=_offset_notes([repr(rig.names[v]) for v in still]) if has_rate else (),
         solution=solution,
     )
 

@@ -78,7 +78,7 @@ def test_images_too_far_apart_for_the_motion_of_the_board_state_no_time_offset()
     assert result.cameras[1].offset_s == 0.0
     assert np.isnan(result.cameras[1].offset_sd_s)
     assert np.all(result.covariance[1] < 1.0)
-    assert any("cam_1 are too far apart in time" in note for note in result.notes)
+    assert any("'cam_1' are too far apart in time" in note for note in result.notes)
 
 
 @pytest.mark.parametrize("offset_s", [-0.15, 0.12])
