@@ -40,17 +40,17 @@ class Observations(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Hold a Gaussian prior of the cameras at their current parameters.
+    """Hold a prior of the cameras at their current parameters.
 
     Attributes:
-        gradient: shape (view, P): of the negative logarithm.
+        gradient: shape (view, P): of the cost.
         matrices: shape (view, P, P): precision.
-        distance: shape (view, P): parameters minus their means.
+        cost: negative logarithm.
     """
 
     gradient: np.ndarray
     matrices: np.ndarray
-    distance: np.ndarray
+    cost: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ class ResidualRows:
     def cost(self) -> float:
         """Return the negative log-likelihood, up to a constant."""
         cost = float(0.5 * (STUDENT_T_DOF + 2.0) * np.log1p(self.squared / STUDENT_T_DOF).sum())
-        return cost if self.prior is None else cost + 0.5 * float((self.prior.gradient * self.prior.distance).sum())
+        return cost if self.prior is None else cost + self.prior.cost
 
     def remaining_shares(self, observations: Observations) -> np.ndarray:
         """Return the share of each error that remains in its residual, shape (observation,).

@@ -120,10 +120,10 @@ class BoardModel:
         """Return the prior of the lenses at the current values."""
         if not self.priors:
             return None
-        distance = np.array([lens_values(c) - p.mean for c, p in zip(self.rig.cameras, self.priors, strict=True)])
-        distance[:, :6] = 0.0
-        matrices = np.array([prior.precision for prior in self.priors])
-        return Prior(np.einsum("vij,vj->vi", matrices, distance), matrices, distance)
+        distances = [lens_values(c) - p.mean for c, p in zip(self.rig.cameras, self.priors, strict=True)]
+        matrices = np.array([prior.matrix(away) for prior, away in zip(self.priors, distances, strict=True)])
+        cost = sum(prior.cost(away) for prior, away in zip(self.priors, distances, strict=True))
+        return Prior(np.einsum("vij,vj->vi", matrices, np.array(distances)), matrices, cost)
 
     def moved(self, change: np.ndarray, step: np.ndarray) -> "BoardModel":
         """Return the model after changes of the cameras (view, 19) and of the poses (pose, 6)."""

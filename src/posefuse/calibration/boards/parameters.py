@@ -22,7 +22,7 @@ DISTORTION = slice(10, 18)
 OFFSET = 18
 
 
-_PRINCIPAL_SD_SHARE = 0.1
+_PRINCIPAL_SD_SHARE, _PRINCIPAL_DOF = 0.01, 3.0
 _ASPECT_SD = 0.01
 _COEFFICIENT_SD = {LensModel.PINHOLE: 1.0, LensModel.BROWN: 0.5, LensModel.RATIONAL: 1.0, LensModel.FISHEYE: 0.5}
 _TANGENTIAL_SD = 0.01
@@ -30,18 +30,20 @@ _TANGENTIAL_SD = 0.01
 
 @dataclass(frozen=True, eq=False)
 class LensPrior:
-    """A weak Gaussian prior on the lens of one camera, which keeps coefficients that few corners determine small.
+    """A prior of the lens of one camera, which keeps parameters that few corners determine close to usual values.
 
-    The principal point is near the center of the image (sd 10 % of its longer side), pixels are nearly square (sd 1 %),
-    and distortion is moderate.
+    Pixels are nearly square (sd 1 %), and distortion is moderate. The principal point is near the center of the image:
+    1 % of its longer side, as in calibrations by people, with the tails of Student's t, because videos may be cropped.
 
     Attributes:
         mean: shape (19,).
-        precision: shape (19, 19).
+        precision: shape (19, 19), without the principal point.
+        principal_px: scale of the distance of the principal point from the center along each axis.
     """
 
     mean: np.ndarray
     precision: np.ndarray
+    principal_px: float
 
     @classmethod
     def of(cls, camera: Camera) -> "LensPrior":
@@ -49,7 +51,6 @@ class LensPrior:
         mean, precision = np.zeros(N_PARAMETERS), np.zeros((N_PARAMETERS, N_PARAMETERS))
         width, height = camera.size_px
         mean[PRINCIPAL] = (width - 1) / 2, (height - 1) / 2
-        precision[PRINCIPAL, PRINCIPAL] = np.eye(2) / (_PRINCIPAL_SD_SHARE * max(width, height)) ** 2
         difference = np.array([[1.0, -1.0], [-1.0, 1.0]])
         precision[FOCAL, FOCAL] = difference / (_ASPECT_SD * camera.matrix[0, 0]) ** 2
         n = N_COEFFICIENTS[camera.lens]
@@ -58,7 +59,19 @@ class LensPrior:
             sd[2:4] = _TANGENTIAL_SD
         at = np.arange(DISTORTION.start, DISTORTION.start + n)
         precision[at, at] = 1.0 / sd**2
-        return cls(mean, precision)
+        return cls(mean, precision, _PRINCIPAL_SD_SHARE * max(width, height))
+
+    def matrix(self, away: np.ndarray) -> np.ndarray:
+        """Return the precision at a distance from the mean, shape (19,), with the weights of the t distribution."""
+        out, at = self.precision.copy(), np.arange(PRINCIPAL.start, PRINCIPAL.stop)
+        out[at, at] = (_PRINCIPAL_DOF + 1.0) / (_PRINCIPAL_DOF * self.principal_px**2 + away[PRINCIPAL] ** 2)
+        return out
+
+    def cost(self, away: np.ndarray) -> float:
+        """Return the negative logarithm of the prior at a distance from the mean, shape (19,)."""
+        squared = (away[PRINCIPAL] / self.principal_px) ** 2
+        principal = 0.5 * (_PRINCIPAL_DOF + 1.0) * np.log1p(squared / _PRINCIPAL_DOF).sum()
+        return 0.5 * float(away @ self.precision @ away) + float(principal)
 
 
 def lens_values(camera: Camera) -> np.ndarray:

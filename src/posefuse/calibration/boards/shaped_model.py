@@ -45,14 +45,15 @@ class ShapedModel:
     def _prior(self, lenses: Prior | None) -> Prior:
         """Return the prior of the lenses and, in the first view, of the shape."""
         n, size = self.n_views, N_PARAMETERS + N_SHAPE
-        out = Prior(np.zeros((n, size)), np.zeros((n, size, size)), np.zeros((n, size)))
-        if lenses is not None:
-            out.gradient[:, :N_PARAMETERS], out.distance[:, :N_PARAMETERS] = lenses.gradient, lenses.distance
-            out.matrices[:, :N_PARAMETERS, :N_PARAMETERS] = lenses.matrices
         precision = shape_precision(self.board.board)
+        cost = 0.5 * float((precision * self.board.shape**2).sum()) + (0.0 if lenses is None else lenses.cost)
+        out = Prior(np.zeros((n, size)), np.zeros((n, size, size)), cost)
+        if lenses is not None:
+            out.gradient[:, :N_PARAMETERS] = lenses.gradient
+            out.matrices[:, :N_PARAMETERS, :N_PARAMETERS] = lenses.matrices
         at = np.arange(N_PARAMETERS, size)
         out.matrices[0, at, at] = precision
-        out.gradient[0, at], out.distance[0, at] = precision * self.board.shape, self.board.shape
+        out.gradient[0, at] = precision * self.board.shape
         return out
 
     def moved(self, change: np.ndarray, step: np.ndarray) -> "ShapedModel":
