@@ -30,6 +30,7 @@ from posefuse.model.result_ranges import FrameRange
 from posefuse.model.subjects import FixedSubjects, Subjects
 from posefuse.pipeline.measured_layer import context_frames, measure
 from posefuse.pipeline.people.find_subjects import find_subjects
+from posefuse.pipeline.people.keypoint_deviations import with_deviations
 from posefuse.pipeline.people.stitching import StitchedPeople, stitch
 from posefuse.pipeline.people.track_recording import save_trackers
 from posefuse.pipeline.people.tracked_people import TrackedPeople
@@ -243,6 +244,8 @@ def _with_people_bodies(plan: Plan, part: Reconstruction, start: int) -> Reconst
         assert part.poses is not None
         # The people were tracked before the up direction was inferred.
         part = replace(part, poses=with_root_angle_sds(part.poses, part.rig.up))
+        frames = plan.detections.frames(start, start + part.n_frames)
+        part = with_deviations(part, frames, plan.deviation_sd_m)
     return part
 
 
@@ -255,5 +258,6 @@ def _with_subject_body(plan: Plan, parts: Iterator[Reconstruction]) -> Iterator[
         stop = start + part.n_frames
         frames = plan.detections.frames(start, stop)
         layer, poses = plan.bodies.bodies(plan.rig, frames, start, smoother.take(stop))
-        yield replace(part, poses=poses, layers={**part.layers, "model": layer})
+        part = replace(part, poses=poses, layers={**part.layers, "model": layer})
+        yield with_deviations(part, frames, plan.deviation_sd_m)
         start = stop

@@ -2,7 +2,7 @@
 
 In a sample of frames, each view is left out in turn, all layers are computed from the other views, and their points are
 projected into the view. The assignment of detections to people, the noise, the priors of motion and bones, and the
-lengths of bodies are those of the whole recording.
+lengths of bodies are those of the whole recording. The same points show how far keypoints deviate from the bodies.
 """
 
 from dataclasses import dataclass, replace
@@ -19,6 +19,12 @@ from posefuse.model.reconstruction import LAYERS, Reconstruction
 from posefuse.model.subjects import FixedSubjects
 from posefuse.model.tracks import Tracks, TrackState
 from posefuse.pipeline.measured_layer import measure
+from posefuse.pipeline.people.deviation_choice import (
+    LeftOutSample,
+    choices_m,
+    chosen_deviations,
+    describe_deviations,
+)
 from posefuse.pipeline.people.left_out_bodies import Bodies
 from posefuse.pipeline.people.stills import STILLS
 from posefuse.pipeline.plan import Plan
@@ -55,7 +61,7 @@ class Span:
 
 
 def with_layer_scores(plan: Plan) -> Plan:
-    """Return the plan with the scores of the layers that its result will have, and a note of them.
+    """Return the plan with scores of the layers of its result, deviations of keypoints from bodies, and notes of both.
 
     A plan without scores is returned unchanged: with one layer, fewer than three views, or unrelated frames there is
     nothing to compare.
@@ -64,11 +70,30 @@ def with_layer_scores(plan: Plan) -> Plan:
     n_views, people = len(plan.rig), plan.subjects.tracks(0, 0).person_ids
     if (plan.solver is None and bodies is None) or n_views < _MIN_VIEWS or not people or plan.options.people == STILLS:
         return plan
-    errors = _errors_px(plan, bodies)
+    errors, samples = _errors_px(plan, bodies)
+    notes, deviation_sd_m = [], None
+    if bodies is not None:
+        errors["model"], deviation_sd_m = _with_deviations(bodies, samples)
+        notes.append(describe_deviations(bodies.skeleton, deviation_sd_m))
     scores = _scores(errors)
-    note = describe_scores(scores)
-    provenance = plan.provenance.with_notes((note,)) if note else plan.provenance
-    return replace(plan, layer_scores=scores, provenance=provenance)
+    notes.append(describe_scores(scores))
+    provenance = plan.provenance.with_notes(note for note in notes if note)
+    return replace(plan, layer_scores=scores, deviation_sd_m=deviation_sd_m, provenance=provenance)
+
+
+def _with_deviations(bodies: Bodies, samples: list[LeftOutSample]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the errors of the model layer with deviations, and the standard deviations of these, shape (keypoint,).
+
+    For the errors in a view, deviations are chosen by the other views.
+    """
+    sds_m = choices_m(bodies.skeleton)
+    every = [(sample.view, sample.errors_px(sds_m)) for sample in samples]
+    by_others = {
+        left_out: chosen_deviations(bodies.skeleton, [each for each in every if each[0] != left_out])
+        for left_out in {sample.view for sample in samples}
+    }
+    errors = [np.take_along_axis(each, by_others[view][None, None, None], axis=0)[0] for view, each in every]
+    return np.concatenate(errors), sds_m[chosen_deviations(bodies.skeleton, every)]
 
 
 def sample_spans(plan: Plan, n_left_out: int) -> list[Span]:
@@ -104,22 +129,33 @@ def _left_out(n_views: int) -> list[int]:
     return [int((i + 0.5) * n_views / number) for i in range(number)]
 
 
-def _errors_px(plan: Plan, bodies: Bodies | None) -> dict[LayerName, np.ndarray]:
-    """Return the prediction errors of each layer, shape (sample, person, keypoint), NaN without detection or point."""
+def _errors_px(plan: Plan, bodies: Bodies | None) -> tuple[dict[LayerName, np.ndarray], list[LeftOutSample]]:
+    """Predict the detections of left-out views.
+
+    Returns:
+        Prediction errors by layer, shape (sample, person, keypoint), NaN without detection or point, and, if there are
+        bodies, the points that predict them.
+    """
     left_out = _left_out(len(plan.rig))
     found: dict[LayerName, list[np.ndarray]] = {}
+    samples: list[LeftOutSample] = []
     for span in sample_spans(plan, len(left_out)):
         whole = plan.detections.frames(span.first, span.last)
         tracks = plan.subjects.tracks(span.first, span.last)
         for view in left_out:
             pixels = _pixels(whole, tracks, view)
-            points = _points_without(plan, bodies, span, whole, tracks, view)
+            points, covariance = _points_without(plan, bodies, span, whole, tracks, view)
             inside = slice(span.start - span.first, span.stop - span.first)
             for name, each in points.items():
                 predicted = plan.rig.cameras[view].project(each[inside])[0]
                 error = np.linalg.norm(predicted - pixels[inside], axis=-1)
                 found.setdefault(name, []).append(error)
-    return {name: np.concatenate(parts) for name, parts in found.items()}
+            if bodies is not None:
+                body, measured = points["model"][inside], points["measured"][inside]
+                samples.append(
+                    LeftOutSample(view, plan.rig.cameras[view], pixels[inside], body, measured, covariance[inside])
+                )
+    return {name: np.concatenate(parts) for name, parts in found.items()}, samples
 
 
 def _pixels(detections: Detections, tracks: Tracks, view: int) -> np.ndarray:
@@ -135,8 +171,12 @@ def _pixels(detections: Detections, tracks: Tracks, view: int) -> np.ndarray:
 
 def _points_without(
     plan: Plan, bodies: Bodies | None, span: Span, whole: Detections, tracks: Tracks, view: int
-) -> dict[LayerName, np.ndarray]:
-    """Return the points of each layer computed without a view, shape (frame, person, keypoint, 3)."""
+) -> tuple[dict[LayerName, np.ndarray], np.ndarray]:
+    """Return the points of each layer computed without a view, and the covariances of the measured ones.
+
+    Returns:
+        Points, shape (frame, person, keypoint, 3), by layer, and covariances, shape (frame, person, keypoint, 6).
+    """
     rig, others = _others(plan.rig, view)
     detections = whole.views([name for i, name in enumerate(whole.view_names) if i != view])
     tracks = Tracks(tracks.person_ids, np.asarray(tracks.detection)[:, :, others], tracks.state)
@@ -157,7 +197,7 @@ def _points_without(
             points["model"] = bodies.points(rig, detections, tracks, noise)
         except PosefuseError:
             points["model"] = np.full_like(points["measured"], np.nan)
-    return points
+    return points, np.asarray(part.layers["measured"].covariance_m2)
 
 
 def _others(rig: CameraRig, view: int) -> tuple[CameraRig, np.ndarray]:

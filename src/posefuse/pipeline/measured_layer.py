@@ -18,6 +18,7 @@ from posefuse.model.result_ranges import FrameRange
 from posefuse.model.tracks import Tracks
 from posefuse.pipeline import solved_layer
 from posefuse.pipeline.people import WholeSmoother
+from posefuse.pipeline.people.keypoint_deviations import with_deviations
 from posefuse.pipeline.people.stills import STILLS
 from posefuse.pipeline.plan import Plan, empty_result
 from posefuse.pipeline.solved_layer import LayerSolver
@@ -165,7 +166,7 @@ def measure(plan: Plan, start: int, stop: int, smoother: WholeSmoother | None = 
     poses = None
     if plan.bodies is not None and smoother is not None:
         layers["model"], poses = plan.bodies.bodies(plan.rig, detections, start, smoother.take(stop))
-    return FrameRange(
+    part = FrameRange(
         detections.frame_numbers,
         solved_layer.mean_times(detections),
         {name: with_true_statuses(layer) for name, layer in layers.items()},
@@ -173,6 +174,7 @@ def measure(plan: Plan, start: int, stop: int, smoother: WholeSmoother | None = 
         None if swaps is None else swaps.frames(start - first, stop - first),
         poses,
     ).to_reconstruction(empty_result(plan))
+    return with_deviations(part, detections, plan.deviation_sd_m)
 
 
 def context_frames(plan: Plan) -> int:

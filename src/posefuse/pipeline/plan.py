@@ -39,6 +39,7 @@ class Plan:
         findings: problems that the recording check found.
         method_notes: those of the provenance's notes that the method's preparation made.
         layer_scores: scores of the layers of the result; empty if there is nothing to compare.
+        deviation_sd_m: shape (keypoint,): standard deviations of the keypoints' deviations from bodies, or None.
     """
 
     rig: CameraRig
@@ -56,6 +57,7 @@ class Plan:
     findings: tuple[Finding, ...] = ()
     method_notes: tuple[str, ...] = ()
     layer_scores: tuple[LayerScore, ...] = ()
+    deviation_sd_m: np.ndarray | None = None
 
     @property
     def events(self) -> tuple[Event, ...]:
