@@ -18,6 +18,9 @@ from posefuse.progress import Progress
 from posefuse.triangulation import consensus
 
 _MAX_ROUNDS = 16
+_RESTART = 0.25
+"""Part of the common noise at which the search for the noise of unequal cameras starts."""
+
 _MAX_EXPONENT_ROUNDS = 4
 _EXPONENT_TOLERANCE = 0.03
 
@@ -143,23 +146,49 @@ def _search(agreement: _Agreement, samples: Samples, default: NoiseModel, progre
         default: the noise to return where the recording has too few points.
         progress: receives the progress.
     """
-    rig, sample = agreement.rig, samples.small
-    trial = scales.smallest_noise(rig, default.exponent)
-    progress.start("estimating noise", _MAX_ROUNDS)
-    for _ in range(_MAX_ROUNDS):
-        found = scales.common_scale(rig, sample, agreement(sample, trial), trial)
-        progress.advance(1)
-        following = scales.next_trial(trial, found)
-        if following is None:
-            break
-        trial = following
-    else:
-        trial = default
+    rig, exponent = agreement.rig, default.exponent
+    progress.start("estimating noise", 2 * _MAX_ROUNDS)
+    start = scales.smallest_noise(rig, exponent)
+    trial = _self_consistent(agreement, samples.small, start, np.ones(len(rig)), progress) or default
     sample = samples.large
     layer = agreement(sample, trial)
+    factor = scales.relative_factors(rig, sample, layer, trial)
+    while np.ptp(factor) > 0.0:
+        unequal = replace(trial, scale_px=np.maximum(_RESTART * trial.scale_px, start.scale_px) * factor)
+        found = _self_consistent(agreement, samples.small, unequal, factor, progress)
+        # Cameras that are grossly wrong keep the common noise, so that their views are rejected and reported.
+        gross = (factor > 1.0) & scales.exceeds_usable_noise(rig, unequal if found is None else found)
+        if not gross.any():
+            trial = found or trial
+            layer = agreement(sample, trial)
+            break
+        factor = np.where(gross, 1.0, factor)
     progress.finish()
     noise = scales.inlier_scales(rig, sample, layer, trial)
     if noise is None:
         return NoiseEstimate(default, layer)
     layer = agreement(sample, noise)
     return NoiseEstimate(replace(noise, spread=scales.residual_spread(rig, sample, layer, noise)), layer)
+
+
+def _self_consistent(
+    agreement: _Agreement, sample: Sample, start: NoiseModel, factor: np.ndarray, progress: Progress
+) -> NoiseModel | None:
+    """Return the smallest noise, with these ratios of the cameras, that explains its own residuals; None if none does.
+
+    Args:
+        agreement: triangulates a sample.
+        sample: small sample of the recording.
+        start: the noise to start with, below that of any detector.
+        factor: shape (view,): each camera's noise relative to the common scale.
+        progress: receives the progress.
+    """
+    trial = start
+    for _ in range(_MAX_ROUNDS):
+        found = scales.common_scale(agreement.rig, sample, agreement(sample, trial), trial, factor)
+        progress.advance(1)
+        following = scales.next_trial(trial, found)
+        if following is None:
+            return trial
+        trial = following
+    return None

@@ -1,6 +1,5 @@
 """Estimate noise scales from the residuals of triangulated points."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -11,23 +10,23 @@ from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import ViewStatus
-from posefuse.noise.leave_one_out import has_redundant_views, leave_one_out_points
+from posefuse.noise.camera_factors import camera_factors
+from posefuse.noise.factor_choice import factors_by_prediction
+from posefuse.noise.leave_one_out import has_redundant_views, has_three_views, leave_one_out_points
 from posefuse.noise.mixture import fit_mixture
 from posefuse.noise.samples import Sample
-from posefuse.triangulation.linearized import LinearFit
 
-_MIN_DEGREES_OF_FREEDOM = 1e-6
 _MIN_POINTS = 30
 _ASSUMED_PX_AT_1000 = 4.5
 _SMALLEST_PX_AT_1000 = 0.1
 _CONVERGED_RATIO = 1.1
 _MAX_STEP_RATIO = 2.5
 _MIN_SCALE_PX = 1e-3
-_CAMERA_ROUNDS = 3
-_CHANCE_VARIANCE = 2.0 / math.log(2.0) ** 2
-"""Twice the variance that sampling gives the logarithm of a camera's median, times the number of pairs; cameras that
-differ by less count as alike."""
-_MIN_FACTOR, _MAX_FACTOR = 0.5, 4.0
+_PREDICTED_OBSERVATIONS = 2400
+"""Observations whose prediction decides whether the cameras differ."""
+
+_MAX_NOISE_SHARE = 0.03
+"""Largest noise of a camera with a usable calibration, as a share of the longer side of its images."""
 
 
 def assumed_noise(rig: CameraRig, exponent: float) -> NoiseModel:
@@ -63,7 +62,9 @@ def next_trial(noise: NoiseModel, found: NoiseModel | None) -> NoiseModel | None
     return replace(noise, scale_px=min(ratio, _MAX_STEP_RATIO) * noise.scale_px)
 
 
-def common_scale(rig: CameraRig, sample: Sample, layer: Layer, before: NoiseModel) -> NoiseModel | None:
+def common_scale(
+    rig: CameraRig, sample: Sample, layer: Layer, before: NoiseModel, factor: np.ndarray
+) -> NoiseModel | None:
     """Estimate one noise scale for all cameras from the views that agree; None with too few points.
 
     Args:
@@ -71,36 +72,42 @@ def common_scale(rig: CameraRig, sample: Sample, layer: Layer, before: NoiseMode
         sample: sample of the recording.
         layer: the sample as the method ``consensus`` triangulates it with the noise ``before``.
         before: the noise so far.
+        factor: shape (view,): each camera's noise relative to the common scale.
     """
-    found = squared_scales(layer, sample.detections, sample.tracks.rows(sample.detections), before.exponent)
+    found = squared_scales(layer, sample.detections, sample.tracks.rows(sample.detections), before.exponent, factor)
     if len(found) < _MIN_POINTS:
         return None
     scale = max(float(np.sqrt(np.median(found))), _MIN_SCALE_PX)
-    return NoiseModel(np.full(len(rig), scale), before.exponent, "estimated")
+    return NoiseModel(scale * factor, before.exponent, "estimated")
+
+
+def relative_factors(rig: CameraRig, sample: Sample, layer: Layer, noise: NoiseModel) -> np.ndarray:
+    """Return each camera's noise relative to the common scale, shape (view,); 1 if that predicts views as well.
+
+    The arguments are those of :func:`common_scale`; the noise is equal for all cameras.
+    """
+    found = leave_one_out_points(rig, sample, layer, noise, choose=has_three_views)
+    factor = camera_factors(found.points, found.sigma_px)
+    return factors_by_prediction(found.take(_PREDICTED_OBSERVATIONS // len(rig)), factor)
+
+
+def exceeds_usable_noise(rig: CameraRig, noise: NoiseModel) -> np.ndarray:
+    """Return which cameras have more noise than one with a usable calibration, shape (view,), bool."""
+    return noise.scale_px > _MAX_NOISE_SHARE * np.array([max(camera.size_px) for camera in rig.cameras])
 
 
 def inlier_scales(rig: CameraRig, sample: Sample, layer: Layer, before: NoiseModel) -> NoiseModel | None:
-    """Estimate the noise scale of each camera's inliers; None with too few points.
+    """Estimate the noise scales of inliers, with the ratios that the cameras had; None with too few points.
 
     Outliers too small to be rejected make :func:`common_scale` too large. Here a mixture model separates them by the
     other views of the point. The arguments are those of :func:`common_scale`.
     """
     found = leave_one_out_points(rig, sample, layer, before)
-    points, sigma = found.points, np.where(found.used, found.sigma_px, np.inf)
+    sigma = np.where(found.used, found.sigma_px, np.inf)
     if len(sigma) < 2 * _MIN_POINTS:
         return None
-    mixture = fit_mixture(points.fit(sigma))
-    factor = np.full(len(rig), mixture.scale)
-    # Compare only observations that both points of a pair have.
-    both = np.repeat(np.isfinite(sigma[0::2] + sigma[1::2]), 2, axis=0)
-    for _ in range(_CAMERA_ROUNDS):
-        own = _camera_factors(points.fit(np.where(both, sigma * factor, np.inf)))
-        factor *= own
-        if (own == 1.0).all():
-            break
-    if np.ptp(factor) > 0.0:
-        factor *= fit_mixture(points.fit(sigma * factor), mixture).scale
-    return NoiseModel(np.maximum(before.scale_px * factor, _MIN_SCALE_PX), before.exponent, "estimated")
+    scale = fit_mixture(found.points.fit(sigma)).scale
+    return NoiseModel(np.maximum(before.scale_px * scale, _MIN_SCALE_PX), before.exponent, "estimated")
 
 
 def residual_spread(rig: CameraRig, sample: Sample, layer: Layer, noise: NoiseModel) -> float:
@@ -115,39 +122,9 @@ def residual_spread(rig: CameraRig, sample: Sample, layer: Layer, noise: NoiseMo
     return float(np.sqrt(fit.squared.sum() / freedom)) if freedom > _MIN_POINTS else 1.0
 
 
-def _camera_factors(fit: LinearFit) -> np.ndarray:
-    """Return the ratio of each camera's noise to the assumed one, relative to the other cameras, shape (view,).
-
-    The ratio follows from squared changes of residuals from one frame to the next, divided by the degrees of freedom
-    that the points leave a camera; medians limit the effect of outliers. Constant residuals, such as calibration
-    errors, do not show which camera is wrong, and trusting cameras that happen to agree would make them agree more.
-    Differences hardly larger than chance are shrunk toward the mean (James & Stein 1961).
-
-    Args:
-        fit: pairs of points, one after the other, seen by the same views.
-    """
-    squares = np.square(fit.residuals[1::2] - fit.residuals[0::2]).sum(axis=-1)
-    left = 2.0 - np.trace(fit.shares, axis1=-2, axis2=-1)
-    freedom = left[0::2] + left[1::2]
-    # A point paired with itself has not changed; residuals without degrees of freedom carry no information.
-    used = fit.used[0::2] & (squares > 0.0) & (freedom > _MIN_DEGREES_OF_FREEDOM)
-    pairs = used.sum(axis=0)
-    if pairs.min() < _MIN_POINTS:
-        return np.ones(len(pairs))
-    # Estimate each camera alone and on shared points: if cameras see different people, the first would be biased. Use
-    # the smaller of the two differences where they agree in sign.
-    logs = np.log(np.where(used, squares, np.nan) / np.where(used, freedom, np.nan))
-    alone = np.nanmedian(logs, axis=0)
-    logs = logs[used.sum(axis=1) > 1]
-    together = np.nanmedian(logs - np.nanmean(logs, axis=1, keepdims=True), axis=0)
-    alone, together = alone - alone.mean(), together - together.mean()
-    own = np.where(alone * together > 0.0, np.sign(alone) * np.minimum(np.abs(alone), np.abs(together)), 0.0)
-    own -= own.mean()
-    kept = max(0.0, 1.0 - _CHANCE_VARIANCE * float((1.0 / pairs).mean()) / max(own.var(ddof=1), 1e-12))
-    return np.clip(np.exp(0.5 * kept * own), _MIN_FACTOR, _MAX_FACTOR)
-
-
-def squared_scales(layer: Layer, detections: Detections, rows: np.ndarray, exponent: float) -> np.ndarray:
+def squared_scales(
+    layer: Layer, detections: Detections, rows: np.ndarray, exponent: float, factor: np.ndarray
+) -> np.ndarray:
     """Estimate the squared scale from each point with redundant views.
 
     With n views the sum of a point's weighted squared residuals is the squared scale times a chi-square variable with
@@ -158,13 +135,14 @@ def squared_scales(layer: Layer, detections: Detections, rows: np.ndarray, expon
         detections: detections of the same frames.
         rows: shape (frame, person, view): rows of the detections.
         exponent: exponent of the confidence.
+        factor: shape (view,): each camera's noise relative to the common scale.
 
     Returns:
         Shape (point,), px^2.
     """
     status = np.asarray(layer.view_status)
     used = status == ViewStatus.USED
-    residual = np.where(used, np.asarray(layer.view_error_px, dtype=np.float64), 0.0)
+    residual = np.where(used, np.asarray(layer.view_error_px, dtype=np.float64) / factor, 0.0)
     if exponent > 0:
         trust = np.moveaxis(np.asarray(detections.confidence)[np.maximum(rows, 0)], -1, -2)
         residual *= np.where(used & np.isfinite(trust), trust, 1.0) ** exponent

@@ -7,6 +7,7 @@ import pytest
 from benchmarks.walking import walk
 
 from posefuse.errors import DetectionsError, OptionsError
+from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.options.noise import NoiseOptions
 from posefuse.model.options.options import Options
@@ -69,13 +70,26 @@ def test_cameras_have_different_scales_where_noise_differs(rng):
     np.testing.assert_allclose(result.noise.scale_px, 2.0 * noisier, rtol=0.25)
 
 
-def test_constant_camera_error_is_not_counted_as_noise(rng):
-    """A constant error does not show which camera is wrong, so that all have the same scale."""
+@pytest.mark.filterwarnings("ignore::posefuse.errors.PosefuseWarning")
+def test_constant_error_of_a_camera_is_added_to_its_noise(rng):
+    """Noise of 2 px and an offset of (6, 4) px make a root mean square of 5.5 px per axis."""
     data = walk(200)
     pixels = data.pixels.copy()
     pixels[:, 2] += [6.0, 4.0]
     result = reconstruct(data.rig, replace(data, pixels=pixels).detections)
-    assert np.ptp(result.noise.scale_px) < 0.2 * result.noise.scale_px.mean()
+    np.testing.assert_allclose(result.noise.scale_px, [2.0, 2.0, 5.5, 2.0, 2.0], rtol=0.08)
+
+
+@pytest.mark.filterwarnings("ignore::posefuse.errors.PosefuseWarning")
+def test_covariances_contain_the_systematic_error_of_a_camera(rng):
+    data = walk(200)
+    pixels = data.pixels.copy()
+    pixels[:, 2] += [6.0, 4.0]
+    layer = reconstruct(data.rig, replace(data, pixels=pixels).detections).layers["measured"]
+    offset = layer.points_m[:, 0] - data.points_m
+    inverse = np.linalg.inv(unpack_covariance(layer.covariance_m2[:, 0]))
+    inside = np.einsum("fki,fkij,fkj->fk", offset, inverse, offset) < 7.8147
+    assert 0.93 < inside.mean() < 0.99
 
 
 def test_confidence_regions_have_the_stated_coverage_under_heavy_tails(rng):
@@ -147,3 +161,32 @@ def test_calibrated_noise_is_used_by_camera_name(rng):
         reconstruct(rig, detections, Options(noise=NoiseOptions(("cam_0", "cam_1", "cam_2"), (1.0, 1.0, 1.0))))
     with pytest.raises(OptionsError, match=r"one number per camera in noise\.cameras \(2\), got 1"):
         NoiseOptions(("cam_0", "cam_1"), (1.0,))
+
+
+def _turned(rig, view, degrees):
+    """Return the rig with one camera rotated about its own vertical axis."""
+    angle = np.radians(degrees)
+    turn = np.eye(4)
+    turn[[0, 0, 2, 2], [0, 2, 0, 2]] = np.cos(angle), np.sin(angle), -np.sin(angle), np.cos(angle)
+    cameras = list(rig.cameras)
+    cameras[view] = replace(cameras[view], camera_from_world=turn @ cameras[view].camera_from_world)
+    return CameraRig(tuple(cameras))
+
+
+def _mean_error_m(rig, detections, truth_m):
+    points = reconstruct(rig, detections, Options(health="off")).layers["measured"].points_m[:, 0]
+    return np.nanmean(np.linalg.norm(points - truth_m, axis=-1))
+
+
+@pytest.mark.filterwarnings("ignore::posefuse.errors.PosefuseWarning")
+@pytest.mark.parametrize("degrees", [0.5, 1.0])
+def test_points_are_as_accurate_with_a_misplaced_camera_as_without_it(degrees):
+    data = walk(100, 4)
+    others = tuple(name for i, name in enumerate(data.rig.names) if i != 2)
+    alone = _mean_error_m(data.rig.select(others), data.detections.views(others), data.points_m)
+    assert _mean_error_m(_turned(data.rig, 2, degrees), data.detections, data.points_m) < 1.05 * alone
+
+
+def test_cameras_that_are_well_placed_have_equal_noise():
+    data = walk(100, 4)
+    assert np.ptp(reconstruct(data.rig, data.detections).noise.scale_px) == 0.0
