@@ -11,7 +11,7 @@ from posefuse.errors import ResultError, choices
 
 EventKind = Literal[
     "confirmed", "lost", "reacquired", "reidentified", "terminated", "possible_identity_switch", "identities_swapped",
-    "limb_reinitialized", "camera_rejected", "camera_restored", "camera_silent", "camera_back",
+    "limb_reinitialized", "lengths_reestimated", "camera_rejected", "camera_restored", "camera_silent", "camera_back",
 ]  # fmt: skip
 
 EVENT_KINDS: dict[EventKind, str] = {
@@ -23,6 +23,7 @@ EVENT_KINDS: dict[EventKind, str] = {
     "possible_identity_switch": "The identity may have changed; check these frames.",
     "identities_swapped": "Two identities were swapped; the names were corrected.",
     "limb_reinitialized": "A limb was reinitialized where most cameras show it.",
+    "lengths_reestimated": "The cameras contradicted the bone lengths, which were estimated again from then on.",
     "camera_rejected": "A camera contradicts the others and is not used to find new people.",
     "camera_restored": "A rejected camera agrees with the others again.",
     "camera_silent": "A camera delivers no frames, or shows no person where other cameras show people.",

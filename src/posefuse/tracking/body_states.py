@@ -63,6 +63,12 @@ def fix_shape_covariance(state: State, body: int, n_pose: int, n_shape: int) -> 
     state.covariance[body, :, n_pose : n_pose + n_shape] = 0.0
 
 
+def shape_block(state: State, body: int, tree: Tree) -> np.ndarray:
+    """Return the covariance of the shape of one body, a view of the state, shape (shape, shape)."""
+    n, h = tree.n_pose, tree.n_shape
+    return state.covariance[body, n : n + h, n : n + h]
+
+
 @dataclass(frozen=True)
 class ProjectedBodies:
     """Keypoints of bodies in space and in the views.

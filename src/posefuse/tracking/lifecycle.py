@@ -8,12 +8,20 @@ from posefuse.arrays import frozen
 from posefuse.kernels.tracking.frame_statistics import predict_visibility
 from posefuse.kernels.tracking.records import State
 from posefuse.kinematics.segment_lengths import length_information
-from posefuse.model.track_events import EventKind
+from posefuse.model.track_events import Event, EventKind
 from posefuse.model.tracks import TrackState
-from posefuse.tracking.body_states import ProjectedBodies, fix_shape_covariance, select_states, set_state
+from posefuse.tracking.body_states import (
+    ProjectedBodies,
+    fix_shape_covariance,
+    select_states,
+    set_state,
+    shape_block,
+)
+from posefuse.tracking.bone_lengths import LengthMonitor, is_check_due, measure_lengths, reopen_shape
 from posefuse.tracking.frame_clock import TIME_TOLERANCE_S
 from posefuse.tracking.records import Track
 from posefuse.tracking.settings import TrackerSettings
+from posefuse.tracking.strategy import FrameOutcome
 from posefuse.tracking.tempering import update_lengths
 
 
@@ -159,7 +167,7 @@ def _termination_reason(track: Track, state: State, p: int, time_s: float, setti
 
 
 def fix_shape(track: Track, state: State, p: int, time_s: float, dt_s: float, settings: TrackerSettings) -> None:
-    """Fix the bone lengths of a body once two views have shown it for long enough.
+    """Fix the bone lengths of a body once they are stable, or observed for long, and reopen those that are biased.
 
     Args:
         track: Updated in place.
@@ -169,15 +177,67 @@ def fix_shape(track: Track, state: State, p: int, time_s: float, dt_s: float, se
         dt_s: Time since the last frame, in seconds.
         settings: Settings of the tracker.
     """
+    if track.lengths.to_reopen is not None and track.known_shape is not None:
+        reopen_shape(state, p, track.known_shape[1], track.lengths, settings)
+        track.known_shape, track.shape_observed_s, track.lengths = None, 0.0, LengthMonitor()
+        return
     if track.state != TrackState.ACTIVE or not state.free[p]:
         return
+    is_stable = False
     if track.last_multiview_s == time_s:
         track.shape_observed_s += dt_s
-    if track.shape_observed_s > settings.options.fix_shape_after_s:
-        n, h = settings.tree.n_pose, settings.tree.n_shape
-        block = state.covariance[p, n : n + h, n : n + h]
-        track.known_shape = (state.shape[p].copy(), block.copy())
-        fix_shape_covariance(state, p, n, h)
+        block = shape_block(state, p, settings.tree)
+        is_stable = track.lengths.is_stable(state.shape[p], block, track.shape_observed_s, dt_s, settings)
+    if is_stable or track.shape_observed_s > settings.options.fix_shape_after_s:
+        _fix_shape(track, state, p, settings)
+
+
+def _fix_shape(track: Track, state: State, p: int, settings: TrackerSettings) -> None:
+    track.known_shape = (state.shape[p].copy(), shape_block(state, p, settings.tree).copy())
+    fix_shape_covariance(state, p, settings.tree.n_pose, settings.tree.n_shape)
+
+
+def check_lengths(tracks: list[Track], state: State, outcome: FrameOutcome, settings: TrackerSettings) -> list[Event]:
+    """Compare the bone lengths of all bodies with the views from time to time, and note biased ones.
+
+    Lengths that are still estimated are fixed first: the smoother takes the lengths before and after a frame in which
+    they are fixed for different ones.
+
+    Args:
+        tracks: Updated in place.
+        state: Updated in place.
+        outcome: Result of association and update.
+        settings: Settings of the tracker.
+
+    Returns:
+        Bodies whose lengths are estimated again from the next frame on.
+    """
+    if settings.options.reopen_shape_sigma is None or not is_check_due(outcome.time_s, outcome.dt_s):
+        return []
+    near_m = settings.options.identity_audit.near_m
+    apart_m = np.linalg.norm(state.root[:, None] - state.root, axis=-1) + near_m * np.eye(len(tracks))
+    # In contact, a detection may show parts of the other body.
+    clear = (outcome.supported.sum(axis=1) > 1) & (apart_m >= near_m).all(axis=1)
+    bodies = [p for p, track in enumerate(tracks) if clear[p] and track.state == TrackState.ACTIVE]
+    if not bodies:
+        return []
+    labels = np.where(outcome.used[bodies], outcome.labels[bodies], -1)
+    shown = measure_lengths(
+        select_states(state, bodies), outcome.frame, outcome.time_s, outcome.rows[bodies], labels, settings
+    )
+    events = []
+    for each, p in zip(shown, bodies, strict=True):
+        track = tracks[p]
+        track.lengths.add(each)
+        biased = None if track.lengths.to_reopen is not None else track.lengths.find_biased(state.shape[p], settings)
+        if biased is None:
+            continue
+        if state.free[p]:
+            _fix_shape(track, state, p, settings)
+        names = ", ".join(settings.tree.shape_names[j] for j in np.flatnonzero(biased))
+        reason = f"the cameras contradict {names}"
+        events.append(Event(outcome.frame.number, outcome.time_s, track.name, "lengths_reestimated", reason))
+    return events
 
 
 def restore_track(state: State, p: int, fitted: State, settings: TrackerSettings) -> None:
@@ -211,6 +271,7 @@ def swap_identities(tracks: list[Track], state: State, p: int, q: int) -> None:
         mine, theirs = getattr(tracks[p], name), getattr(tracks[q], name)
         setattr(tracks[p], name, theirs)
         setattr(tracks[q], name, mine)
+    tracks[p].lengths, tracks[q].lengths = LengthMonitor(), LengthMonitor()
     n, h = state.velocity.shape[1], state.shape.shape[1]
     lengths = slice(n, n + h)
     blocks = state.covariance[[q, p], lengths, lengths]

@@ -17,6 +17,7 @@ from posefuse.tracking.identity_audit import (
     update_contacts,
 )
 from posefuse.tracking.lifecycle import (
+    check_lengths,
     expected_views,
     fix_shape,
     swap_identities,
@@ -141,7 +142,7 @@ def _update_lifecycle(
         )  # fmt: skip
         events += [Event(outcome.frame.number, outcome.time_s, track.name, *change) for change in changes]
         fix_shape(track, tracks.state, p, outcome.time_s, outcome.dt_s, s)
-    return events
+    return events + check_lengths(tracks.tracks, tracks.state, outcome, s)
 
 
 def _reliable_views(

@@ -1,7 +1,7 @@
 """Records of the tracker: tracks, their recent history, observations of new people, and the people of a frame."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ from posefuse.arguments import checked
 from posefuse.kernels.tracking.records import State
 from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
+from posefuse.tracking.bone_lengths import LengthMonitor
 
 
 @dataclass
@@ -23,12 +24,13 @@ class Track:
         log_odds: Log odds of presence; another strategy's score.
         last_seen_s: Time of the last support, in seconds.
         last_position_m: Position at the last support, shape (3,).
-        shape_observed_s: Time for which two views have shown the person, in seconds; it limits how well the bone
-            lengths are known.
+        shape_observed_s: Time for which two views have shown the person since the estimate of the bone lengths began,
+            in seconds; it limits their accuracy.
         last_multiview_s: Time of the last support by two views, in seconds. A single view does not fix the distance.
         last_inside_s: Time at which the person was last where two views overlap, in seconds.
         established: Whether the views have shown enough to rule out a coincidence of two false detections.
         known_shape: Bone lengths and their covariance before the lengths were fixed; None while they are estimated.
+        lengths: Recent comparisons of the bone lengths with the views.
     """
 
     number: int
@@ -42,6 +44,7 @@ class Track:
     last_inside_s: float = np.nan
     established: bool = False
     known_shape: tuple[np.ndarray, np.ndarray] | None = None
+    lengths: LengthMonitor = field(default_factory=LengthMonitor)
 
 
 class RecentHistory(NamedTuple):

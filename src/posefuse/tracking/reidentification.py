@@ -7,10 +7,9 @@ import numpy as np
 
 from posefuse.kernels.tracking.records import State
 from posefuse.kinematics.segment_lengths import measured_lengths
-from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.records import Track
-from posefuse.tracking.settings import MIN_MEMORY_S, TrackerSettings
+from posefuse.tracking.settings import TrackerSettings, correlation_factor
 
 
 @dataclass(frozen=True)
@@ -138,24 +137,12 @@ def same_body_log_odds(
     share, offset_m = options.reidentification.length_sd_share, options.reidentification.length_sd_m
     floor = 0.5 * np.diag((share * np.abs(tree.shape_m) + offset_m) ** 2)
     theirs, error = measured_lengths(tree, *known)
-    error = _correlation_factor(track.shape_observed_s, options) * error + floor
+    error = correlation_factor(track.shape_observed_s, options) * error + floor
     new, new_error = measured_lengths(tree, fitted.shape[0], fitted.covariance[0, n : n + h, n : n + h])
-    new_error = _correlation_factor(observed_s, options) * new_error + floor
+    new_error = correlation_factor(observed_s, options) * new_error + floor
     gain = np.linalg.solve(tree.shape_covariance + error, tree.shape_covariance).T
     left = tree.shape_covariance - gain @ tree.shape_covariance
     return _log_normal(new - gain @ theirs, left + new_error) - _log_normal(new, tree.shape_covariance + new_error)
-
-
-def _correlation_factor(observed_s: float, options: TrackerOptions) -> float:
-    """Return the factor by which the variance of lengths exceeds that of the filter, whose error memory is too short.
-
-    An observation over time T of errors with correlation time m holds 1 + T / 2m independent errors. The filter assumes
-    ``error_memory_s``; ``smoother_error_memory_s`` is the actual correlation time.
-    """
-    assumed, actual = (
-        1.0 + 0.5 * observed_s / max(m, MIN_MEMORY_S) for m in (options.error_memory_s, options.smoother_error_memory_s)
-    )  # fmt: skip
-    return max(assumed / actual, 1.0)
 
 
 def _log_normal(residual: np.ndarray, covariance: np.ndarray) -> float:

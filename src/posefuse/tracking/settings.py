@@ -164,6 +164,18 @@ def tempering_factor(dt_s: np.ndarray, memory_s: float | np.ndarray) -> np.ndarr
     return 1.0 / np.tanh(0.5 * np.maximum(dt_s, 1e-6) / np.maximum(memory_s, MIN_MEMORY_S))
 
 
+def correlation_factor(observed_s: float, options: TrackerOptions) -> float:
+    """Return the factor by which the variance of lengths exceeds that of the filter, whose error memory is too short.
+
+    An observation over time T of errors with correlation time m holds 1 + T / 2m independent errors. The filter assumes
+    ``error_memory_s``; ``smoother_error_memory_s`` is the actual correlation time.
+    """
+    assumed, actual = (
+        1.0 + 0.5 * observed_s / max(m, MIN_MEMORY_S) for m in (options.error_memory_s, options.smoother_error_memory_s)
+    )  # fmt: skip
+    return max(assumed / actual, 1.0)
+
+
 def _groups(skeleton: Skeleton) -> np.ndarray:
     """Return the limb of each keypoint by chain; a pair outside all chains is a group of its own."""
     group = np.full(len(skeleton), -1, dtype=np.int64)

@@ -98,9 +98,10 @@ class PeopleSmoother:
         self.done, self._from, self._windows = memory.done, memory.since, memory.windows
 
     def _memory_s(self, place: int) -> float:
-        """Return the time over which frames influence each other; longer while a shape is estimated."""
-        options = self.settings.options
-        free = any(run.state.free.any() for run in self.history.runs(place, place + 1))
+        """Return the time over which frames influence each other; longer while a shape is or will soon be estimated."""
+        options, history = self.settings.options, self.history
+        ahead = history.place_at(history.time_s[place] + options.look_ahead_s) - 1
+        free = any(run.state.free.any() for each in (place, ahead) for run in history.runs(each, each + 1))
         return options.look_ahead_s + (options.fix_shape_after_s if free else 0.0)
 
     def _take(self, stop: int, ahead_s: float) -> list[SmoothedPerson]:

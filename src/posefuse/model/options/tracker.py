@@ -75,7 +75,12 @@ class TrackerOptions:
             standard deviation of the root over x, y and z, which saturates at 8.7); None disables the rule.
         terminate_outside_after_s: Time outside the overlap of two views after which a lost track is terminated (G), in
             seconds; None disables the rule.
-        fix_shape_after_s: Time for which two views must show a person before the bone lengths are fixed, in seconds.
+        fix_shape_after_s: Time in two views after which the bone lengths of a person are fixed even if they are not
+            stable, in seconds.
+        fix_shape_sd_m: Median standard deviation of the bone lengths below which they are fixed once they have been
+            steady for 1 s, in meters; None disables the rule.
+        reopen_shape_sigma: Bias of a bone length over about 2 s from which fixed lengths are estimated again, in
+            standard deviations; None disables the rule.
         stature_m: Known stature of every tracked person, or size of an animal, in meters.
         known_m: Measured bone lengths as name=meters, such as left_knee=0.43 for the bone that ends there; both sides
             share one length. The names are those of `pose_length` in a result.
@@ -131,6 +136,8 @@ class TrackerOptions:
     terminate_beyond_m: float | None = option(None, above=0.0, example="1.0")
     terminate_outside_after_s: float | None = option(None, above=0.0, example="1.0")
     fix_shape_after_s: float = option(4.0, at_least=0.0)
+    fix_shape_sd_m: float | None = option(0.0075, above=0.0, example="0.005")
+    reopen_shape_sigma: float | None = option(4.5, above=0.0, example="5.0")
     stature_m: float | None = option(None, above=0.0, at_most=100.0, example="1.75")
     known_m: tuple[str, ...] = option((), example='["left_knee=0.43"]')
     known_sd_m: float = option(0.005, above=0.0)
@@ -183,12 +190,13 @@ class TrackerOptions:
         """
         if scale == 1.0:
             return self
-        beyond_m, fast = self.terminate_beyond_m, self.fast_motion
+        beyond_m, fast, fix_m = self.terminate_beyond_m, self.fast_motion, self.fix_shape_sd_m
         return replace(
             self,
             model_floor_m=self.model_floor_m * scale,
             clutter_m=self.clutter_m * scale,
             terminate_beyond_m=None if beyond_m is None else beyond_m * scale,
+            fix_shape_sd_m=None if fix_m is None else fix_m * scale,
             initiation=_scaled(self.initiation, scale, "gate_m", "apart_m"),
             lifecycle=_scaled(self.lifecycle, scale, "outside_margin_m"),
             fast_motion=replace(fast, onset_s=fast.onset_s * time_factor(scale)),

@@ -31,7 +31,7 @@
     });
     const symbols = { "confirmed": "triangle-up", "lost": "triangle-down-open", "reacquired": "diamond", "reidentified": "diamond",
       "terminated": "x-thin-open", "possible_identity_switch": "star", "identities_swapped": "star-diamond",
-      "limb_reinitialized": "circle-open", "camera_rejected": "square", "camera_restored": "square-open",
+      "limb_reinitialized": "circle-open", "lengths_reestimated": "cross-open", "camera_rejected": "square", "camera_restored": "square-open",
       "camera_silent": "hexagon2", "camera_back": "hexagon2-open" };
     const kinds = Object.keys(symbols).filter((kind) => tracks.events.some((event) => event[2] === kind));
     for (const kind of kinds) {

@@ -218,7 +218,7 @@ class CoreBody:
 
 
 def configure(settings: TrackerSettings) -> TrackerSettings:
-    """Return the settings with the strategy's rules of termination, and without a smoother.
+    """Return the settings with the strategy's rules of termination, with lengths fixed once, and without a smoother.
 
     The covariances of the strategy do not allow a smoother to use later frames.
 
@@ -236,7 +236,10 @@ def configure(settings: TrackerSettings) -> TrackerSettings:
     if beyond_m is None and o.terminate_variance_m2 is not None:
         beyond_m = math.sqrt(o.terminate_variance_m2)
     outside_s = o.terminate_outside_after_s if outside_s is None else outside_s
-    options = replace(options, smoother="none", terminate_beyond_m=beyond_m, terminate_outside_after_s=outside_s)
+    options = replace(
+        options, smoother="none", terminate_beyond_m=beyond_m, terminate_outside_after_s=outside_s,
+        fix_shape_sd_m=None, reopen_shape_sigma=None,
+    )  # fmt: skip
     return replace(settings, options=options)
 
 
