@@ -89,7 +89,7 @@ def test_interruption_leaves_a_partial_result_and_the_parts(run, recording, tmp_
             raise KeyboardInterrupt
         return put(parts, name, value)
 
-    command = ("reconstruct", recording, "-o", tmp_path / "out", "--chunk-frames", 10)
+    command = ("reconstruct", recording, "-o", tmp_path / "out", "--chunk-frames", 10, "--solve", "frame")
     with monkeypatch.context() as patched:
         patched.setattr(CheckpointFolder, "save", interrupted)
         code, output, wrong = run(*command)
