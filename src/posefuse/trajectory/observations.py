@@ -74,12 +74,8 @@ class PersonObservations:
         """Return the observations of one person."""
         detections, noise = measured_range.detections, measured_range.noise
         rows = measured_range.tracks.rows(detections)[:, person]
-        detected = rows >= 0
-        pixels = np.where(
-            detected[..., None, None], np.asarray(detections.keypoints_px)[np.where(detected, rows, 0)], np.nan
-        )
-        confidence = np.where(
-            detected[..., None], np.asarray(detections.confidence)[np.where(detected, rows, 0)], np.nan
+        pixels, confidence = (
+            _of_rows(np.asarray(values), rows) for values in (detections.keypoints_px, detections.confidence)
         )
         status = np.asarray(measured_range.layer.view_status)[:, person]
         exchange_sides(
@@ -119,6 +115,14 @@ class PersonObservations:
         pixels = self.pixels.reshape(n, views, 2)
         linearize(self.rig.packed, paths_m.reshape(n, 3), pixels, residuals, jacobians)
         return residuals.reshape(self.pixels.shape), jacobians.reshape(*self.pixels.shape, 3)
+
+
+def _of_rows(values: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Return the values of detections, shape (*rows, ...); NaN where the row is -1."""
+    out = np.full((*rows.shape, *values.shape[1:]), np.nan)
+    detected = rows >= 0
+    out[detected] = values[rows[detected]]
+    return out
 
 
 def swapped_pairs(skeleton: Skeleton, swaps: Swaps | None, view_status: np.ndarray, person: int) -> np.ndarray:
