@@ -19,7 +19,7 @@ def test_other_formats_are_written_beside_a_result(run, recording, tmp_path, cap
         stored = posefuse.read_reconstruction(tmp_path / "out" / "reconstruction.nc").best_layer()[1]
         np.testing.assert_allclose(points.points_m, stored.points_m[:], rtol=1e-15)
     output = " ".join(out.split())
-    assert "TRC, C3D and the other formats contain the layer measured." in output
+    assert "TRC, C3D and the other formats contain the layer solved." in output
     assert "note: anipose cannot hold times, status, covariances, which views." in output
     assert max(map(len, out.splitlines())) <= 80
     # Without them they are gone: they were of the result that is replaced.

@@ -30,7 +30,7 @@ from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
 
 CHUNK = 16
-MANY = Options(people="many", chunk_frames=CHUNK, noise_scale_px=8.0)
+MANY = Options(people="many", solve="frame", chunk_frames=CHUNK, noise_scale_px=8.0)
 ONE = Options(people="one", solve="trajectory", chunk_frames=CHUNK, noise_scale_px=8.0)
 SMOOTHED = replace(MANY, postprocess=PostprocessOptions(smooth=("butterworth",)))
 

@@ -42,8 +42,8 @@ def read_cameras(path: str | Path, *, length_unit: LengthUnit | None = None, up:
     path = must_exist(Path(path), "calibration file")
     if path.suffix.lower() in VIDEO_ENDINGS:
         raise FileError(
-            f"{path} is a video, not a calibration. Calibrate by videos of a board first: `posefuse calibrate FOLDER "
-            "--board BOARD --output calibration.toml`."
+            f"{path} is a video, not a calibration. Calibrate by videos of a board first, with `posefuse calibrate`, "
+            "and specify the calibration that it writes."
         )
     form = find_format(path)
     if form is None and path.is_dir():
