@@ -103,8 +103,9 @@ class Layer:
 
 _HOW_TO_GET = {
     "measured": "The file that was read holds no points of single frames.",
-    "solved": "By default, points are solved over time with frame times, two or more cameras, half a second or more and "
-    "the method 'consensus'. Set `solve='trajectory'`, `postprocess.fill` or `postprocess.smooth` to get this layer.",
+    "solved": "By default, points are solved over time with frame times, two or more cameras, half a second or more, "
+    "and the method 'consensus'. Set `solve='trajectory'`, `postprocess.fill` or `postprocess.smooth` to get this "
+    "layer.",
     "model": "By default, bodies are fitted to several people whose skeleton has a kinematic tree. Set `bodies='fit'` "
     "to get this layer.",
 }
