@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from posefuse.model.rotations import similarity_of_points
+
 _LEAST_FACTOR = 10.0
 _LEAST_POINTS = 12
 _SAME_SCALE = 0.1
@@ -25,7 +27,7 @@ class OtherWorld:
 def find_other_world(points_m: np.ndarray, truth_m: np.ndarray) -> OtherWorld | None:
     """Return the similarity that reduces the mean distance to a tenth or less, or None if there is none.
 
-    A rotation and a shift are tried first. Source: Umeyama 1991, least-squares estimation of transformation parameters.
+    A rotation and a shift are tried first.
 
     Args:
         points_m: shape (point, 3), points of the result.
@@ -34,12 +36,8 @@ def find_other_world(points_m: np.ndarray, truth_m: np.ndarray) -> OtherWorld | 
     if len(points_m) < _LEAST_POINTS:
         return None
     most_m = float(np.linalg.norm(points_m - truth_m, axis=1).mean()) / _LEAST_FACTOR
+    rotation, own_scale = similarity_of_points(points_m, truth_m)
     from_m, to_m = points_m - points_m.mean(axis=0), truth_m - truth_m.mean(axis=0)
-    spread = float(np.square(from_m).sum())
-    left, sizes, right = np.linalg.svd(to_m.T @ from_m)
-    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-    rotation = left @ np.diag(signs) @ right
-    own_scale = float(sizes @ signs) / spread if spread > 0.0 else 1.0
     for scale in (1.0, own_scale):
         mean_m = float(np.linalg.norm(scale * from_m @ rotation.T - to_m, axis=1).mean())
         # The least number keeps the rounding of equal points from counting.

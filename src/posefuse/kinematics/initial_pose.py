@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from posefuse.kernels.tracking.records import State
 from posefuse.model.options.tracker import MotionOptions
+from posefuse.model.rotations import closest_rotation
 from posefuse.skeleton.trees import Tree
 
 _NEIGHBOR_WEIGHT = 0.1
@@ -80,7 +81,7 @@ def _root(tree: Tree, known: np.ndarray, places: np.ndarray) -> tuple[np.ndarray
     own = np.array([n == 0 or tree.nodes[n].mover == 0 for n in seen])
     weights = np.where(own, 1.0, _NEIGHBOR_WEIGHT)
     middle_of, middle = (np.average(each[seen], axis=0, weights=weights) for each in (places, known))
-    turn = _polar(
+    turn = closest_rotation(
         _moments(known[seen] - middle, places[seen] - middle_of, weights) + _REST_WEIGHT * tree.scale**2 * np.eye(3)
     )
     return known[0] if np.isfinite(known[0, 0]) else middle - turn @ middle_of, turn
@@ -95,18 +96,11 @@ def _turn(
     start = known[tree.nodes[mine[0]].parent] if mine else origin
     start = start if np.isfinite(start[0]) else origin
     moments = _moments(known[mine] - start, places[mine], np.ones(len(mine))) if mine else np.zeros((3, 3))
-    return _polar(moments + max(_REST_WEIGHT * tree.scale**2, 0.02 * np.linalg.norm(moments)) * parent)
+    return closest_rotation(moments + max(_REST_WEIGHT * tree.scale**2, 0.02 * np.linalg.norm(moments)) * parent)
 
 
 def _moments(there: np.ndarray, here: np.ndarray, weights: np.ndarray) -> np.ndarray:
     return np.einsum("n,ni,nj->ij", weights, there, here)
-
-
-def _polar(moments: np.ndarray) -> np.ndarray:
-    """Return the rotation closest to a matrix."""
-    left, _, right = np.linalg.svd(moments)
-    left[:, 2] *= np.sign(np.linalg.det(left @ right))
-    return left @ right
 
 
 def _frame_along(direction: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from posefuse.kinematics.initial_pose import node_offsets
+from posefuse.model.rotations import closest_rotation
 from posefuse.skeleton.trees import Tree
 
 _MIN_POINTS = 2
@@ -77,7 +78,7 @@ def _turn(tree: Tree, segment: int, known: np.ndarray, turns: np.ndarray) -> np.
         size = np.linalg.norm(moments, axis=(1, 2))[:, None, None]
         moments = moments + _CARRIER_SHARE * size * np.nan_to_num(turns[:, _carrier(tree, at)])
     enough = (np.isfinite(known[:, riding, 0]).sum(axis=1) >= _MIN_POINTS) & ((weights > 0.0).sum(axis=1) > _MIN_POINTS)
-    return np.where(enough[:, None, None], _polar(moments), np.nan)
+    return np.where(enough[:, None, None], closest_rotation(moments), np.nan)
 
 
 def _carrier(tree: Tree, node: int) -> int:
@@ -85,10 +86,3 @@ def _carrier(tree: Tree, node: int) -> int:
     while tree.nodes[node].is_bone:
         node = tree.nodes[node].parent
     return max(tree.nodes[node].mover, 0)
-
-
-def _polar(moments: np.ndarray) -> np.ndarray:
-    """Return the rotations closest to matrices, shape (frame, 3, 3)."""
-    left, _, right = np.linalg.svd(moments)
-    left[..., 2] *= np.sign(np.linalg.det(left @ right))[:, None]
-    return left @ right

@@ -14,6 +14,7 @@ import numpy as np
 from posefuse.calibration.joint.known_poses import KnownPoses
 from posefuse.calibration.people.views import MatchedViews, ViewTracks
 from posefuse.model.cameras import Camera, CameraRig, vector_from_rotation
+from posefuse.model.rotations import closest_rotation
 
 _FX = "fx_px"
 
@@ -68,8 +69,7 @@ def similarity(found: Sequence[Camera], known: Sequence[Camera], scale: float | 
         scale: of the similarity; by default the distances of the cameras determine it.
     """
     turns = sum((b.rotation.T @ a.rotation for a, b in zip(found, known, strict=True)), np.zeros((3, 3)))
-    left, _, right = np.linalg.svd(turns)
-    rotation = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
+    rotation = closest_rotation(turns)
     a, b = (np.array([camera.center_m for camera in cameras]) for cameras in (found, known))
     a, b = a @ rotation.T, b
     if scale is None:

@@ -19,6 +19,7 @@ from posefuse.calibration.people.sample_sides import exchanged_views
 from posefuse.calibration.people.time_search import GRID_S
 from posefuse.errors import CalibrationError
 from posefuse.kernels.calibration.ray_points import triangulate_rays
+from posefuse.model.rotations import closest_rotation
 
 _BEYOND, _NEIGHBORS = 3, 2
 """Steps beyond the largest difference of time, and to both sides, at which a minimum is compared."""
@@ -219,8 +220,7 @@ def _rigid_motion(points: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, n
     for _ in range(_ALIGNMENTS):
         share = (weight / weight.sum())[:, None]
         from_mean, to_mean = (share * points).sum(axis=0), (share * target).sum(axis=0)
-        left, _, right = np.linalg.svd((share * (target - to_mean)).T @ (points - from_mean))
-        rotation = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+        rotation = closest_rotation((share * (target - to_mean)).T @ (points - from_mean))
         shift = to_mean - rotation @ from_mean
         distance = np.linalg.norm(points @ rotation.T + shift - target, axis=1)
         weight = 1.0 / (1.0 + np.square(distance / max(float(np.median(distance)), 1e-12)))

@@ -12,6 +12,7 @@ from posefuse.calibration.scene.first_pose import lie_on_a_line
 from posefuse.errors import CalibrationError
 from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import CameraRig
+from posefuse.model.rotations import similarity_of_points
 from posefuse.model.scene_points import ScenePoints
 from posefuse.model.view_names import matching_name
 
@@ -60,16 +61,12 @@ def find_origin(rig: CameraRig, scene: ScenePoints, *, scale_known: bool) -> Ori
             "the cameras."
         )
     found, known = seen[used], scene.points_m[used]
-    a, b = found - found.mean(axis=0), known - known.mean(axis=0)
-    left, values, right = np.linalg.svd(b.T @ a)
-    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-    rotation = left @ (signs[:, None] * right)
-    fitted = float((values * signs).sum() / np.square(a).sum())
+    rotation, fitted = similarity_of_points(found, known)
     scale = 1.0 if scale_known else fitted
     shift = known.mean(axis=0) - scale * rotation @ found.mean(axis=0)
     away = scale * found @ rotation.T + shift - known
     rms_m = float(np.sqrt(np.square(away).sum(axis=1).mean()))
-    extent_m = float(np.sqrt(np.square(b).sum(axis=1).mean()))
+    extent_m = float(np.sqrt(np.square(known - known.mean(axis=0)).sum(axis=1).mean()))
     if rms_m > _MOST_SHARE * extent_m:
         raise CalibrationError(
             f"The points of known position are {rms_m:.2g} m from where the cameras see them. Check the order of the "
