@@ -19,7 +19,7 @@ from posefuse.calibration.people.body_bundle import (
 from posefuse.calibration.people.common_focal import with_common_focal
 from posefuse.calibration.people.likelihood import camera_costs
 from posefuse.calibration.people.pairs import MIN_PARALLAX, PairGeometry
-from posefuse.calibration.people.sample_sides import exchanged_views
+from posefuse.calibration.people.sample_sides import with_corrected_sides
 from posefuse.kernels.calibration.body_bundle import (
     FOCAL,
     OFFSET,
@@ -147,8 +147,7 @@ def readjust(assembly: Assembly, samples: BodySamples, bones: Bones, free: np.nd
         free: shape (view, VIEW_COLUMNS), bool: free parameters.
     """
     rotations, centers = assembly.state.rotations, assembly.state.centers
-    exchanged = exchanged_views(samples, rotations, centers)
-    labeled = samples.swapped(np.broadcast_to(exchanged[..., None], samples.observed.shape[:3]))
+    labeled, exchanged = with_corrected_sides(samples, rotations, centers)
     start = initial_state(labeled, bones, rotations, centers, assembly.state.log_focal)
     state = adjust_bodies(labeled, bones, _around_mean(start, free), free, _FINAL_ROUNDS)
     return _assembly(assembly.views, labeled, bones, state, exchanged, assembly.rejected)
@@ -219,9 +218,7 @@ class _Assembler:
 
     def _labeled(self, views: list[int], rotations: np.ndarray, centers: np.ndarray) -> tuple[BodySamples, np.ndarray]:
         """Return the observations of some views with corrected sides, and where they were exchanged."""
-        chosen = self.samples.select_views(views)
-        exchanged = exchanged_views(chosen, rotations, centers)
-        return chosen.swapped(np.broadcast_to(exchanged[..., None], chosen.observed.shape[:3])), exchanged
+        return with_corrected_sides(self.samples.select_views(views), rotations, centers)
 
     def _adjusted(self, views: list[int], rotations: np.ndarray, centers: np.ndarray, rounds: int) -> BodyState:
         """Return the adjusted state of some views."""

@@ -39,6 +39,11 @@ class BodySamples:
         """Return the observations of some views."""
         return replace(self, observed=np.ascontiguousarray(self.observed[:, list(views)]))
 
+    def select(self, chosen: np.ndarray) -> "BodySamples":
+        """Return some samples; ``chosen`` has shape (sample,), bool."""
+        observed = np.ascontiguousarray(self.observed[chosen])
+        return replace(self, time_s=self.time_s[chosen], person=self.person[chosen], observed=observed)
+
     def swapped(self, exchanged: np.ndarray) -> "BodySamples":
         """Return the samples with exchanged sides; ``exchanged`` has shape (sample, view, keypoint), bool."""
         return replace(self, observed=np.where(exchanged[..., None], self.observed[:, :, self.mirror], self.observed))

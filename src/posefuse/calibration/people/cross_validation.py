@@ -16,7 +16,7 @@ from posefuse.calibration.people.bearings import Bearings
 from posefuse.calibration.people.bodies import BodySamples, Bones
 from posefuse.calibration.people.body_bundle import BodyState, adjust_bodies, initial_state
 from posefuse.calibration.people.likelihood import SIGNIFICANT, advantage, body_costs
-from posefuse.calibration.people.sample_sides import exchanged_views
+from posefuse.calibration.people.sample_sides import with_corrected_sides
 from posefuse.errors import CalibrationError, choices
 from posefuse.kernels.calibration.body_bundle import VIEW_COLUMNS
 
@@ -70,8 +70,8 @@ def prediction_advantage(assembly: Assembly, bones: Bones, focal_known: np.ndarr
     ]
     time_s, own, others = [], [], [[] for _ in shifts]
     for half in (is_later, ~is_later):
-        held_out = _some(samples, ~half)
-        state = _refitted(assembly, _some(samples, half), bones, free)
+        held_out = samples.select(~half)
+        state = _refitted(assembly, samples.select(half), bones, free)
         time_s.append(held_out.time_s)
         own.append(_held_out_costs(held_out, bones, state))
         for costs, shift in zip(others, shifts, strict=True):
@@ -98,12 +98,6 @@ def at_wrong_times(samples: BodySamples, view: int, share: float, runs_backward:
     return replace(samples, observed=observed)
 
 
-def _some(samples: BodySamples, chosen: np.ndarray) -> BodySamples:
-    """Return some samples; ``chosen`` has shape (sample,), bool."""
-    observed = np.ascontiguousarray(samples.observed[chosen])
-    return replace(samples, time_s=samples.time_s[chosen], person=samples.person[chosen], observed=observed)
-
-
 def _refitted(assembly: Assembly, samples: BodySamples, bones: Bones, free: np.ndarray) -> BodyState:
     """Return the state of the cameras that fit some samples."""
     for _ in range(_ROUNDS):
@@ -113,8 +107,7 @@ def _refitted(assembly: Assembly, samples: BodySamples, bones: Bones, free: np.n
 
 def _held_out_costs(samples: BodySamples, bones: Bones, cameras: BodyState) -> np.ndarray:
     """Return the costs of the best bodies under given cameras, shape (sample, keypoint)."""
-    exchanged = exchanged_views(samples, cameras.rotations, cameras.centers)
-    labeled = samples.swapped(np.broadcast_to(exchanged[..., None], samples.observed.shape[:3]))
+    labeled, _ = with_corrected_sides(samples, cameras.rotations, cameras.centers)
     state = initial_state(labeled, bones, cameras.rotations, cameras.centers, cameras.log_focal)
     held = np.zeros((samples.n_views, VIEW_COLUMNS), dtype=bool)
     return body_costs(labeled, bones, adjust_bodies(labeled, bones, state, held, _ROUNDS, _STEPS))

@@ -15,7 +15,7 @@ from posefuse.calibration.people.bearings import Bearings
 from posefuse.calibration.people.bodies import BodySamples, Bones, observe_body
 from posefuse.calibration.people.likelihood import SIGNIFICANT, advantage
 from posefuse.calibration.people.rigs import People, Rig
-from posefuse.calibration.people.sample_sides import exchanged_views
+from posefuse.calibration.people.sample_sides import with_corrected_sides
 from posefuse.calibration.people.time_search import GRID_S
 from posefuse.errors import CalibrationError
 from posefuse.kernels.calibration.ray_points import triangulate_rays
@@ -137,7 +137,7 @@ class _Motion:
             return False
         costs_of = costs_function(own)
         costs = costs_of(samples, self.bones, own.state)[used]
-        shifted = _some(later, used)
+        shifted = later.select(used)
         rotations, centers = own.state.rotations.copy(), own.state.centers.copy()
         rotations[place] = rotations[place] @ repetition.rotation.T
         centers[place] = repetition.rotation @ centers[place] + repetition.shift
@@ -161,7 +161,7 @@ class _Motion:
         used = _observes(samples, place) & _observes(later, place)
         if used.sum() < max(_MIN_SAMPLES, _MIN_SHARE * _observes(samples, place).sum()):
             return None
-        before, after = self.assembly.state.points[used], self._points(_some(later, used))
+        before, after = self.assembly.state.points[used], self._points(later.select(used))
         known = np.isfinite(before[..., 0]) & np.isfinite(after[..., 0])
         if known.sum() < _MIN_POINTS:
             return None
@@ -171,8 +171,7 @@ class _Motion:
     def _points(self, samples: BodySamples) -> np.ndarray:
         """Return triangulated points, shape (sample, keypoint, 3)."""
         rotations, centers = self.assembly.state.rotations, self.assembly.state.centers
-        exchanged = exchanged_views(samples, rotations, centers)
-        labeled = samples.swapped(np.broadcast_to(exchanged[..., None], samples.observed.shape[:3]))
+        labeled, _ = with_corrected_sides(samples, rotations, centers)
         points = np.empty((*labeled.observed.shape[:1], labeled.observed.shape[2], 3))
         triangulate_rays(rotations, centers, labeled.observed, points)
         return points
@@ -206,12 +205,6 @@ def _observes(samples: BodySamples, place: int) -> np.ndarray:
     """Return the samples that a view and another one observe, shape (sample,), bool."""
     enough = np.isfinite(samples.observed[..., 0]).sum(axis=2) >= _MIN_KEYPOINTS
     return enough[:, place] & (enough.sum(axis=1) >= _TWO)
-
-
-def _some(samples: BodySamples, chosen: np.ndarray) -> BodySamples:
-    """Return some samples; ``chosen`` has shape (sample,), bool."""
-    observed = np.ascontiguousarray(samples.observed[chosen])
-    return replace(samples, time_s=samples.time_s[chosen], person=samples.person[chosen], observed=observed)
 
 
 def _rigid_motion(points: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:

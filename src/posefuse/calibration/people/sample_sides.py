@@ -20,7 +20,7 @@ _PRIOR_COST = 1.0
 _SWEEPS = 5
 
 
-def exchanged_views(samples: BodySamples, rotations: np.ndarray, centers: np.ndarray) -> np.ndarray:
+def _exchanged_views(samples: BodySamples, rotations: np.ndarray, centers: np.ndarray) -> np.ndarray:
     """Return which views exchange left and right, shape (sample, view), bool, by the epipolar errors of all pairs.
 
     Only relations between views are observable, so that most views of a sample are taken as correct.
@@ -46,6 +46,20 @@ def exchanged_views(samples: BodySamples, rotations: np.ndarray, centers: np.nda
     mostly = labels.sum(axis=1) > 0.5 * np.isfinite(samples.observed[..., 0]).any(axis=2).sum(axis=1)
     labels[mostly] = ~labels[mostly]
     return labels
+
+
+def with_corrected_sides(
+    samples: BodySamples, rotations: np.ndarray, centers: np.ndarray
+) -> tuple[BodySamples, np.ndarray]:
+    """Return the samples with corrected sides, and where views were exchanged, shape (sample, view), bool.
+
+    Args:
+        samples: observations.
+        rotations: shape (view, 3, 3).
+        centers: shape (view, 3).
+    """
+    exchanged = _exchanged_views(samples, rotations, centers)
+    return samples.swapped(np.broadcast_to(exchanged[..., None], samples.observed.shape[:3])), exchanged
 
 
 def relation_gains(
