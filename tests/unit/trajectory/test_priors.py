@@ -63,6 +63,17 @@ def test_variation_of_rigid_bones_is_limited():
     assert rigid.length_sd_m[0, 0] == pytest.approx(soft.length_sd_m[0, 0])
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_errors_of_a_short_recording_are_no_variation_of_lengths(seed):
+    """In 12 frames, errors scatter by more than their expectation, by chance."""
+    truth = swinging(12)
+    rig = ring(4)
+    pixels = exact_pixels(rig, truth) + 4.0 * np.random.default_rng(seed).standard_normal((12, 4, 3, 2))
+    options = TrajectoryOptions()
+    found = estimate_priors([measured(truth, 4.0, rig=rig, pixels=pixels)], ARM, options)
+    assert found.length_sd_m[0] == pytest.approx(options.min_bone_variation * found.length_m[0])
+
+
 def test_one_period_of_large_errors_does_not_affect_all_frames(monkeypatch):
     count = np.full((3, 600, 4), 20.0)
     total = np.random.default_rng(0).chisquare(20.0, count.shape)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from benchmarks.board_coverage import BoardOptions, run
 
-from posefuse.calibration.boards.covariance import _persistence, _score_covariance
+from posefuse.calibration.boards.covariance import _inflation, _persistence, _score_covariance
 
 N_PERIODS, N_PARAMETERS = 12, 9
 
@@ -18,6 +18,16 @@ def periods(rng, correlation=0.0, poses=6):
         state = correlation * state + np.sqrt(1.0 - correlation**2) * rng.normal(size=N_PARAMETERS)
     sums = np.array(scores).reshape(N_PERIODS, poses, -1).sum(axis=1) / np.sqrt(N_PERIODS * poses)
     return [(share, own - sums.mean(axis=0)) for own in sums]
+
+
+@pytest.mark.parametrize("degrees", [8, 20])
+def test_inflated_covariances_have_the_expected_squared_errors(degrees):
+    rng = np.random.default_rng(5)
+    draws = rng.standard_normal((20_000, degrees + 1, 3))
+    covariance = _inflation(degrees) * np.einsum("kni,knj->kij", draws[:, 1:], draws[:, 1:]) / degrees
+    errors = draws[:, 0]
+    squared = (errors * np.linalg.solve(covariance, errors[..., None])[..., 0]).sum(axis=1)
+    assert squared.mean() == pytest.approx(3.0, rel=0.05)
 
 
 @pytest.mark.parametrize(("correlation", "least", "most"), [(0.0, 0.95, 1.25), (0.8, 6.0, 14.0)])
