@@ -16,11 +16,11 @@ import numpy as np
 import posefuse
 from benchmarks.calibration_recordings import CalibrationCase, recording
 from benchmarks.calibration_scores import in_true_world
-from benchmarks.held_out import errors_px
+from benchmarks.held_out import Points, errors_px, layer_of, people_of
+from benchmarks.held_out_recordings import Case
 from benchmarks.people_calibration import calibrate
 from posefuse.biomechanics.tables import angle_table
 from posefuse.model.cameras import CameraRig
-from posefuse.model.reconstruction import Layer
 
 ANGLES = tuple(f"{side}_{joint}.flexion" for joint in ("knee", "hip") for side in ("left", "right"))
 
@@ -28,10 +28,12 @@ ANGLES = tuple(f"{side}_{joint}.flexion" for joint in ("knee", "hip") for side i
 def left_out_px(case: CalibrationCase, rig: CameraRig) -> float:
     """Return the median distance of each camera's detections from the points of the others."""
 
-    def points(others: CameraRig, detections: posefuse.Detections) -> Layer:
-        return posefuse.reconstruct(others, detections, posefuse.Options(solve="frame")).layers["measured"]
+    def points(part: Case) -> Points:
+        result = posefuse.reconstruct(part.rig, part.detections, posefuse.Options(solve="frame"))
+        return {"measured": layer_of(result, "measured")}
 
-    return float(np.nanmedian(errors_px(rig, case.detections, points)))
+    recording = Case(rig, case.detections)
+    return float(np.nanmedian(errors_px(recording, people_of(recording), points)["measured"]))
 
 
 def angles_deg(case: CalibrationCase, rig: CameraRig) -> np.ndarray:

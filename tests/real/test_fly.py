@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks import held_out, real_recordings
+from benchmarks import held_out_recordings, real_recordings
 
 import posefuse
 from posefuse.calibration.people.match import match_views
@@ -49,7 +49,8 @@ def test_tracks_every_leg_of_a_tethered_fly(shared_data):
 
 def test_fly_tracked_at_25_hz_has_small_reprojection_errors(shared_data):
     """The legs move too far between frames to be predicted."""
-    rig, fast = held_out.fly(shared_data("fly_3cam").parent)
+    case = held_out_recordings.fly(shared_data("fly_3cam").parent)
+    rig, fast = case.rig, case.detections
     pixels, confidence = fast.dense()
     fly = Detections.from_dense(fast.skeleton, fast.view_names, pixels[::12], confidence[::12], rate_hz=25.0)
     result = posefuse.reconstruct(rig, fly, posefuse.Options(people="many"))

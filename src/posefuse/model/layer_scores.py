@@ -22,12 +22,14 @@ class LayerScore:
         median_px, mean_px: distance between the detections of a left-out view and the projected points of the other
             views, over the points that all compared layers have; NaN without any.
         share: points of the layer, as a share of the measured points.
+        geometric_mean_px: geometric mean of the same distances; NaN in results of earlier versions.
     """
 
     layer: LayerName
     median_px: float
     mean_px: float
     share: float
+    geometric_mean_px: float = math.nan
 
     @property
     def is_complete(self) -> bool:
@@ -43,17 +45,20 @@ class LayerScore:
 def layer_of_scores(scores: Sequence[LayerScore]) -> LayerName | None:
     """Return the layer that predicts left-out views best; None if nothing was scored.
 
-    Layers without enough points do not count. Of layers whose scores differ by less than 1 %, the solved layer is
-    chosen, and without it the best one.
+    Layers without enough points do not count. Among layers whose scores differ by less than 1 %, that with the smallest
+    geometric mean is chosen: it compares the errors by their ratios, so that a view that all layers predict badly
+    counts no more than the others. If geometric means also differ by less than 1 %, or are unknown, the solved layer is
+    chosen.
     """
     complete = [each for each in scores if each.is_complete]
     if not complete:
         return None
     best = min(complete, key=lambda each: each.score_px)
-    for each in complete:
-        if each.layer == "solved" and each.score_px <= (1.0 + _TIE) * best.score_px:
-            return "solved"
-    return best.layer
+    tied = [each for each in complete if each.score_px <= (1.0 + _TIE) * best.score_px]
+    if all(math.isfinite(each.geometric_mean_px) for each in tied):
+        best = min(tied, key=lambda each: each.geometric_mean_px)
+        tied = [each for each in tied if each.geometric_mean_px <= (1.0 + _TIE) * best.geometric_mean_px]
+    return "solved" if any(each.layer == "solved" for each in tied) else best.layer
 
 
 def describe_scores(scores: Sequence[LayerScore]) -> str:

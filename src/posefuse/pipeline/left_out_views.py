@@ -39,6 +39,9 @@ _MIN_SPAN, _MAX_SPAN = 8, 40
 _MAX_OBSERVED = 1000
 """Upper bound of frames times people times views that are left out."""
 
+_MIN_ERROR_PX = 1e-3
+"""Smaller errors are rounding."""
+
 _MIN_CONFIDENCE = 0.2
 """Detections with a lower confidence are not compared."""
 
@@ -224,8 +227,11 @@ def _scores(errors: dict[LayerName, np.ndarray]) -> tuple[LayerScore, ...]:
     for name in LAYERS:
         if name in errors:
             known = errors[name][shared & np.isfinite(errors[name])]
-            median, mean = (float(np.median(known)), float(known.mean())) if known.size else (np.nan, np.nan)
-            scores.append(LayerScore(name, median, mean, shares[name]))
+            median, mean, geometric = np.nan, np.nan, np.nan
+            if known.size:
+                median, mean = float(np.median(known)), float(known.mean())
+                geometric = float(np.exp(np.log(np.maximum(known, _MIN_ERROR_PX)).mean()))
+            scores.append(LayerScore(name, median, mean, shares[name], geometric))
     return tuple(scores)
 
 

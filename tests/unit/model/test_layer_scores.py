@@ -33,6 +33,24 @@ def test_mean_counts_as_much_as_the_median():
     assert layer_of_scores(rare_errors) == "model"
 
 
+@pytest.mark.parametrize(
+    ("geometric_px", "expected"),
+    [
+        ({"solved": 4.0, "model": 3.9}, "model"),
+        ({"solved": 4.0, "model": 3.97}, "solved"),
+        ({"solved": 3.97, "model": 4.0}, "solved"),
+        ({"measured": 3.9, "model": 4.0}, "measured"),
+        ({"solved": 4.0, "model": math.nan}, "solved"),
+    ],
+)
+def test_ratios_of_errors_decide_between_equal_scores(geometric_px, expected):
+    given = [LayerScore(name, 5.0, 7.0, 1.0, px) for name, px in geometric_px.items()]
+    assert layer_of_scores(given) == expected
+    # A layer with a score that is more than 1 % larger does not count.
+    worse = LayerScore("measured" if "solved" in geometric_px else "solved", 5.2, 7.2, 1.0, 1.0)
+    assert layer_of_scores([*given, worse]) == expected
+
+
 def test_sentence_names_all_scores_and_the_default():
     given = scores(measured=4.66, solved=4.66, model=4.0, share=0.8)
     assert describe_scores(given) == (

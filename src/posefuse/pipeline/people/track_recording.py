@@ -80,7 +80,10 @@ def track_subject(
     )
     options = replace(options, tracker=tracker)
     made = None if make_tracker is None else make_tracker(options)
-    return track_people(rig, alone, options, progress, checkpoint, made)
+    found = track_people(rig, alone, options, progress, checkpoint, made)
+    # Views that show several people have more detections than the tracker saw.
+    index = np.where(np.asarray(found.recording_tracks.detection) >= 0, tracks.detection[: found.n_frames], -1)
+    return replace(found, recording_tracks=replace(found.recording_tracks, detection=index))
 
 
 def track_people(

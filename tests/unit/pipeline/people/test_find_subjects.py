@@ -54,6 +54,25 @@ def two_blobs(n: int, skeleton: Skeleton, rng: np.random.Generator):
     )  # fmt: skip
 
 
+def test_view_errors_of_a_body_are_those_of_the_selected_detections(rng):
+    rig, points, detections = two_blobs(120, Skeleton("blob", tuple("abcdef")), rng)
+    # The subject is as large as the other; its identity selects it, in any place of the list.
+    shown = np.array([rig.project(points[:, p]) for p in (0, 1)])
+    frame, view = np.divmod(np.repeat(np.arange(120 * 4), np.diff(detections.offsets)), 4)
+    distance = np.linalg.norm(shown[:, frame, view] - detections.keypoints_px, axis=-1).mean(axis=-1)
+    detections = replace(detections, track_ids=distance.argmin(axis=0))
+    result = posefuse.reconstruct(rig, detections, Options(people="one", pick="track-id", bodies="fit", health="off"))
+    layer = result.layers["model"]
+    assert result.tracks is not None
+    assert (np.asarray(result.tracks.detection) == 1).any()
+    assert np.nanmax(layer.view_error_px) < 20.0
+    again = rig.project(np.asarray(layer.points_m)[:, 0])
+    pixels = np.asarray(detections.keypoints_px)[result.tracks.rows(detections)[:, 0]]
+    assert np.allclose(
+        layer.view_error_px[:, 0].swapaxes(1, 2), np.linalg.norm(again - pixels, axis=-1), equal_nan=True
+    )
+
+
 def test_auto_keeps_everyone_without_a_kinematic_tree(rng):
     rig, _, detections = two_blobs(120, Skeleton("blob", tuple("abcdef")), rng)
     result = posefuse.reconstruct(rig, detections)
