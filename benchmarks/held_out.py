@@ -5,7 +5,7 @@ tests read. Triangulation methods and the layers of ``reconstruct`` with fitted 
 are compared over the detections that all of them predict. A view is left out of everything, also of the choice of the
 default layer. All figures include the errors of the held-out camera, so they differ less than the points.
 
-Several subjects: the result of all cameras says whose detection it is that is predicted. The subject of a result
+Several subjects: the result of all cameras assigns the predicted detections to subjects. The subject of a result
 without the camera is the one with most of the same detections in the other views of the frame. Tracking assigns
 detections in the same way for all methods and layers.
 """
@@ -193,7 +193,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--only", nargs="+", default=list(RECORDINGS), choices=list(RECORDINGS), metavar="NAME")
-    parser.add_argument("--frames", type=int, help="read only so many frames")
+    parser.add_argument("--frames", type=int, help="maximum number of frames")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
     print("| recording | points | median px | mean px | 90 % px | predicted |")
