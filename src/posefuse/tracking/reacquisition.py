@@ -10,10 +10,8 @@ import numpy as np
 
 from posefuse.kernels.tracking.records import State
 from posefuse.model.tracks import TrackState
-from posefuse.tracking.body_states import ProjectedBodies, select_states
-from posefuse.tracking.lifecycle import expected_views
 from posefuse.tracking.records import TentativeTrack, Track
-from posefuse.tracking.reidentification import Reidentification, length_log_odds
+from posefuse.tracking.reidentification import Reidentification, lost_log_odds
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.track_initiation import fit_body
 
@@ -59,35 +57,8 @@ def _log_odds(
     The log odds of the proposals count, too, because they may be false.
     """
     options, last = settings.options.reidentification, tentative.observations[-1]
-    shown_s = last.time_s - tentative.observations[0].time_s
-    fitted, _, _ = fit_body(tentative.observations, settings)
+    fitted = fit_body([last], settings)[0]
+    odds = lost_log_odds(tracks, state, lost, fitted, last, settings)
     proposed = sum(each.log_odds for each in tentative.observations)
-    absent_s = np.array([last.time_s - tracks[p].last_seen_s for p in lost])
-    near = _position_log_odds(select_states(state, lost), absent_s, fitted, settings)
-    odds = np.full(len(lost), -math.inf)
-    for i, p in enumerate(lost):
-        found = near[i] + length_log_odds(tracks[p], state, p, fitted, shown_s, settings)
-        if found >= options.min_log_odds and found + proposed >= options.immediate_log_odds:
-            odds[i] = found
-    return odds
-
-
-def _position_log_odds(lost: State, absent_s: np.ndarray, fitted: State, settings: TrackerSettings) -> np.ndarray:
-    """Return the log odds of a position: a lost person's, against anywhere in a room; shape (lost,).
-
-    The person either moved as predicted, or moved fast and is anywhere within reach; both are equally likely. The
-    result is -inf for a person beyond reach.
-    """
-    centers_m = [
-        expected_views(ProjectedBodies.of(each, settings.cameras[:0], settings.body), settings)[1]
-        for each in (lost, fitted)
-    ]
-    options, offset_m = settings.options.reidentification, centers_m[1] - centers_m[0]
-    reach_m = options.reach_m + settings.options.motion.top_speed_m_s * absent_s
-    spread = lost.covariance[:, :3, :3] + options.trunk_sd_m**2 * np.eye(3)
-    squared = (offset_m * np.linalg.solve(spread, offset_m[..., None])[..., 0]).sum(axis=1)
-    uniform = 3.0 * math.log(options.room_m / math.sqrt(2.0 * math.pi))
-    predicted = uniform - 0.5 * np.linalg.slogdet(spread)[1] - 0.5 * squared
-    anywhere = 3.0 * np.log(options.room_m / np.minimum(reach_m, options.room_m))
-    odds = np.logaddexp(predicted, anywhere) - math.log(2.0)
-    return np.where(np.linalg.norm(offset_m, axis=1) > reach_m, -math.inf, odds)
+    enough = (odds >= options.min_log_odds) & (odds + proposed >= options.immediate_log_odds)
+    return np.where(enough, odds, -math.inf)

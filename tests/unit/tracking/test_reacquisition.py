@@ -93,7 +93,7 @@ def test_proposal_beyond_reach_continues_no_track() -> None:
 
 def test_unlikely_proposal_continues_no_track() -> None:
     settings = settings_with()
-    assert found(settings, tentative_at(settings, log_odds=-8.0)) == []
+    assert found(settings, tentative_at(settings, log_odds=-20.0)) == []
 
 
 def test_proposal_between_two_equal_tracks_waits_for_confirmation() -> None:

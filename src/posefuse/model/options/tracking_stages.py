@@ -210,9 +210,9 @@ class ReidentificationOptions:
     """
 
     min_log_odds: float = option(0.0)
-    immediate_log_odds: float = option(6.0)
+    immediate_log_odds: float = option(2.0)
     ambiguity_log_odds: float = option(1.0, at_least=0.0)
-    corrupt_share: float = option(0.1, above=0.0, below=1.0)
+    corrupt_share: float = option(0.02, above=0.0, below=1.0)
     length_sd_share: float = option(0.03, at_least=0.0)
     length_sd_m: float = option(0.01, above=0.0)
     reach_m: float = option(0.7, above=0.0)

@@ -171,7 +171,7 @@ class TrunkDistance:
         settings: TrackerSettings,
     ) -> Reidentification | None:
         """Find the lost track by position and bone lengths."""
-        return find_lost_track(tracks, state, fitted, observation.torso_m, since_s, time_s, settings)
+        return find_lost_track(tracks, state, fitted, observation, since_s, time_s, settings)
 
     def find_reacquired(
         self, tracks: list[Track], state: State, tentative: list[TentativeTrack], settings: TrackerSettings
