@@ -1,9 +1,10 @@
 """Measure how soon lost people are tracked again, in simulated rooms with five cameras.
 
 ``python -m benchmarks.reacquisition [--seeds 20] [--first 0] [--people 1,2,3,4] [--modes all,three,back,new]``.
-People walk for 44 s; one of them at a time is not detected for 0.4, 0.5, 1, 2 and 4 s. In mode ``all`` no view detects the person in
-the gap; in mode ``three``, three of the five views do not; in mode ``back``, no view does in the gap, and three do not
-for another 4 s; mode ``new`` is ``all`` with one further person, who appears in the middle of the first gap.
+People walk for 44 s; one of them at a time is not detected for 0.4, 0.5, 1, 2 and 4 s. In mode ``all`` no view detects
+the person in the gap; in mode ``three``, three of the five views do not; in mode ``back``, no view does in the gap, and
+three do not for another 4 s; mode ``new`` is ``all`` with one further person, who appears in the middle of the first
+gap.
 
 A person counts as detected again in the first frame in which two views show a detection of that person alone with at
 least half of the keypoints. The tracker must report the person under the same name in this frame or the next. In false
