@@ -74,3 +74,18 @@ def test_truth_has_perfect_scores_at_any_size(scene: CrowdScene) -> None:
     actual = posefuse.score_people(people_points(scene.truth, scene.truth))
     assert actual.clear[0].mota == 1.0
     assert np.isclose(actual.mpjpe_mm, 0.0)
+
+
+def test_hind_part_of_a_mouse_does_not_turn_over() -> None:
+    # Its two points lie on a line, about which no view shows its turn.
+    made = simulate_animals(AnimalOptions(animals=1, cameras=3, duration_s=8.0, rate_hz=30.0, seed=1))
+    options = posefuse.Options(people="many", solve="frame", layer="model")
+    result = posefuse.reconstruct(made.rig, made.detections, options)
+    truth = np.asarray(made.truth.layers["measured"].points_m[30:, 0])
+    error_m = np.linalg.norm(np.asarray(result.layers["model"].points_m[30:, 0]) - truth, axis=-1)
+    middle = made.truth.skeleton.index("spine_middle")
+    assert np.nanmean(error_m[:, middle]) < 0.008
+    assert result.poses is not None
+    turns = np.asarray(result.poses.turns[30:, 0])
+    sideways = np.einsum("fi,fi->f", turns[:, 0, :, 1], turns[:, 1, :, 1])
+    assert np.nanmin(sideways) > 0.0

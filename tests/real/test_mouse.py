@@ -33,7 +33,7 @@ def test_hand_labeled_mouse_joints_are_within_limits(shared_data):
     )
     tree = shipped_skeleton("mouse_22").tree
     assert tree is not None
-    assert len(tree.limits) == 11
+    assert len(tree.limits) == 12
     whole = [points for points in np.asarray(result.layers["measured"].points_m[:, 0]) if np.isfinite(points).all()]
     assert len(whole) > 5
     for points in whole:

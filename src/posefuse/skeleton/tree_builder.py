@@ -125,8 +125,8 @@ class TreeBuilder:
                     found.append(Limit(CONE, self._bone(end), -1, self._segment(segment), turned, least))
         return found
 
-    def twists(self, table: Mapping[str, Any]) -> list[Limit]:
-        """Return the twist limits between segments."""
+    def twists(self, rows: Sequence[tuple[str, Any]]) -> list[Limit]:
+        """Return the twist limits between segments from their rows, each with the name of a segment."""
         return [
             Limit(
                 TWIST,
@@ -136,7 +136,7 @@ class TreeBuilder:
                 _unit(np.array(axis, dtype=float)),
                 float(np.cos(np.radians(degrees))),
             )
-            for name, (other, axis, degrees) in table.items()
+            for name, (other, axis, degrees) in rows
         ]
 
     def _bone(self, end: str) -> int:

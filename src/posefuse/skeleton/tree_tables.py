@@ -13,7 +13,9 @@ A tree is the table ``[tree]`` of a skeleton's TOML, or one of the files in ``bo
 * ``hinges``: distal end of a bone to ``[segment, axis]``, in the segment's axes: the cross product of the previous bone
   and this one points along the axis.
 * ``cones``: distal end of a bone to ``[segment, axis, degrees]``: largest angle from the axis.
-* ``twists``: name of a segment to ``[segment, axis, degrees]``: largest angle of the axis between the two segments.
+* ``twists``: name of a segment to ``[segment, axis, degrees]``: largest angle of the axis between the two segments; or
+  a list of such rows. A segment whose points lie on a line needs a limit of an axis across it, because no view shows
+  how far it has turned about that line.
 * ``spread``, ``size_spread``: relative variation of lengths between people, each and all together.
 * ``size_m``: body size, default 1.75; lengths in options refer to an adult human and are scaled.
 * ``least_sd_m``: smallest variation of a point's coordinates between people, default 0.015 for an adult.
@@ -41,7 +43,7 @@ _ROWS = {
     "bones": "[point, length] or [point, length, [forward, left, up]]",
     "hinges": "[segment, [forward, left, up]]",
     "cones": "[segment, [forward, left, up], degrees]",
-    "twists": "[segment, [forward, left, up], degrees]",
+    "twists": "[segment, [forward, left, up], degrees] or a list of such rows",
 }
 _SPREAD, _SIZE_SPREAD = 0.08, 0.07
 _LEAST_SD = 0.015
@@ -73,7 +75,7 @@ def parse_tree(table: Mapping[str, Any], keypoints: Sequence[str], partner: Mapp
     limits = (
         *builder.hinges(_relevant_limits(table.get("hinges", {}), bones, segments)),
         *builder.cones(_relevant_limits(table.get("cones", {}), bones, segments)),
-        *builder.twists(_relevant_limits(table.get("twists", {}), segments, segments)),
+        *builder.twists(_relevant_twists(table.get("twists", {}), segments)),
     )
     size_m = float(table.get("size_m", ADULT_M))
     spreads = float(table.get("spread", _SPREAD)), float(table.get("size_spread", _SIZE_SPREAD))
@@ -89,8 +91,9 @@ def _check_tables(table: Mapping[str, Any], skeleton: str) -> None:
     segments, bones = table["segments"], table.get("bones", {})
     beside = {**segments, **{n: row for n, row in table.get("points", {}).items() if row and row[0] in segments}}
     for key in _ROWS:
-        for name, row in table.get(key, {}).items():
-            _check_row(key, name, row, segments, bones, beside, where)
+        for name, value in table.get(key, {}).items():
+            for row in _twist_rows(value) if key == "twists" else [value]:
+                _check_row(key, name, row, segments, bones, beside, where)
     for name in table.get("points", {}):
         if name in bones or name == next(iter(segments)):
             raise SkeletonError(f"{where}: {name!r} is defined twice; expected a root, a fixed point or a bone's end.")
@@ -157,6 +160,17 @@ def _is_row(table: str, row: object) -> bool:
 def _relevant_limits(table: Mapping[str, Any], ends: Mapping[str, Any], segments: Mapping[str, Any]) -> dict[str, Any]:
     """Return the limits of the bones and segments in use."""
     return {name: row for name, row in table.items() if name in ends and row[0] in segments}
+
+
+def _twist_rows(value: Any) -> list[Any]:
+    """Return the rows of a segment in the table ``twists``: its only row, or all rows of a list."""
+    return value if isinstance(value, list) and value and all(isinstance(row, list) for row in value) else [value]
+
+
+def _relevant_twists(table: Mapping[str, Any], segments: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """Return the rows of the segments in use, each with the name of its segment."""
+    rows = [(name, row) for name, value in table.items() for row in _twist_rows(value)]
+    return [(name, row) for name, row in rows if name in segments and row[0] in segments]
 
 
 def _segment_of(row: Sequence[Any], points: Mapping[str, Any]) -> str:

@@ -36,6 +36,10 @@ PARTNER = {"left_hip": "right_hip", "left_knee": "right_knee", "left_ankle": "ri
         ({"cones": {"left_knee": ["pelvis", [0, 1, 0]]}}, "left_knee must be [segment, [forward, left, up], degrees]"),
         ({"twists": {"hat": ["pelvis", [0, 1, 0], 9]}}, "tree.twists contains 'hat', which is not a segment"),
         ({"twists": {"head": ["palvis", [0, 1, 0], 9]}}, "unknown segment 'palvis'. Did you mean 'pelvis'?"),
+        (
+            {"twists": {"head": [["pelvis", [1, 0, 0], 9], ["pelvis", [0, 1, 0]]]}},
+            "tree.twists.head must be [segment, [forward, left, up], degrees] or a list of such rows",
+        ),
         ({"bones": {"nose": ["neck", 0.1]}}, "'nose' is defined twice"),
         ({"bones": {"left_knee": ["left_hop", 0.4]}}, "points left_knee of the tree have unknown parents"),
     ],

@@ -5,6 +5,7 @@ import pytest
 
 from posefuse.kernels.tracking import body_kinematics
 from posefuse.kernels.tracking.records import Pose
+from posefuse.kinematics.initial_pose import node_offsets
 from posefuse.skeleton.skeletons import shipped_skeleton, shipped_skeletons
 from posefuse.skeleton.tree_tables import parse_tree
 from posefuse.skeleton.trees import ADULT_M, CONE, HINGE, TWIST, Tree
@@ -160,3 +161,25 @@ def test_size_scales_lengths_of_options():
     nose = tree_of().shape_names.index("nose.up")
     large, small = (t.shape_covariance[nose, nose] for t in (tree_of(spread=1e-6), tree_of(spread=1e-6, size_m=0.175)))
     assert large - small == pytest.approx(0.015**2 - 0.0015**2)
+
+
+def test_several_twist_limits_of_a_segment():
+    rows = [["pelvis", [1.0, 0.0, 0.0], 80.0], ["pelvis", [0.0, 2.0, 0.0], 60.0]]
+    twists = [limit for limit in tree_of(twists={"head": rows}).limits if limit.kind == TWIST]
+    assert [limit.axis for limit in twists] == [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]
+    np.testing.assert_allclose([limit.least for limit in twists], np.cos(np.radians([80.0, 60.0])))
+
+
+@pytest.mark.parametrize("name", ["mouse_22", "fly_38"])
+def test_no_segment_of_an_animal_can_turn_over_unseen(name):
+    # Views do not show how far a segment has turned about a line through all of its points.
+    tree = shipped_skeleton(name).tree
+    assert tree is not None
+    offsets = node_offsets(tree, np.asarray(tree.shape_m))
+    for s in range(len(tree.segments)):
+        own = [n for n, node in enumerate(tree.nodes) if node.parent >= 0 and not node.is_bone and node.mover == s]
+        _, sizes, axes = np.linalg.svd(np.vstack([offsets[own], np.zeros((2, 3))]))
+        if sizes[1] > 0.01 * sizes[0]:
+            continue
+        limits = [limit for limit in tree.limits if limit.kind == TWIST and s in (limit.bone, limit.segment)]
+        assert any(abs(axes[0] @ limit.axis) < 0.5 for limit in limits)
