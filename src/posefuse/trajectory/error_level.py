@@ -115,3 +115,16 @@ class ErrorLevel:
         varies = float((count * np.square(size / innovation_scale - 1.0)).sum() / count.sum())
         chance = 2.0 * len(count) / float(count.sum())
         return innovation_scale, min(2.0 / max(varies - chance, 2.0 / CONSTANT_LEVEL_STRENGTH), CONSTANT_LEVEL_STRENGTH)
+
+    def squares(self, weights: np.ndarray, person_priors: PersonPriors) -> tuple[float, float]:
+        """Return the sum of squared errors in units of their variance, and the number of independent values in it.
+
+        Args:
+            weights: shape (keypoint, frame, view): of the observations that a path uses.
+            person_priors: of the person.
+        """
+        residuals, left = self.view_residuals
+        # Scaled residuals have the variance of the errors; weighted by what they retain, their number is 2 views - 3.
+        used = left * weights / np.square(person_priors.spread * self.scale(person_priors))
+        total = float((used * np.square(residuals).sum(axis=-1)).sum())
+        return total / (1.0 + person_priors.persistent_ratio), 2.0 * float((left * weights).sum())

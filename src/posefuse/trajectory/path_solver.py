@@ -31,7 +31,8 @@ from posefuse.kernels.trajectory.observation_terms import (
 )
 from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.trajectory.bones import Bones
-from posefuse.trajectory.error_level import ErrorLevel, error_correlation
+from posefuse.trajectory.error_level import ErrorLevel
+from posefuse.trajectory.error_spectrum import ErrorSpectrum
 from posefuse.trajectory.observations import PersonObservations
 from posefuse.trajectory.paths import Paths, PersonPriors
 from posefuse.trajectory.roughness import Roughness
@@ -128,7 +129,7 @@ class PathSolver:
         residuals, jacobians = self.observed.linear(paths.paths_m)
         rows = np.zeros(paths.density_factor.shape)
         sigma = person_priors.spread * self.observed.sigma_px
-        _, _, information = self._terms(residuals, jacobians, sigma, paths.weights, person_priors, rows, paths)
+        _, _, information = self._terms(residuals, jacobians, sigma, paths.weights, rows, paths)
         return typical_variance(information, paths.weights)
 
     def perform_round(
@@ -160,8 +161,9 @@ class PathSolver:
         alive = alive_frames(np.asarray(weights.any(axis=-1)), observed.time_s, options.max_gap_s)
         density = person_priors.density[:, None] * paths.density_factor
         stiffness = self.smoothness.stiffness(density, alive)
-        sigma = person_priors.spread * observed.sigma_px * scale
-        band, rhs, information = self._terms(residuals, jacobians, sigma, weights, person_priors, stiffness, paths)
+        inflation = np.ones(len(weights)) if person_priors.inflation is None else person_priors.inflation
+        sigma = person_priors.spread * np.sqrt(inflation)[:, None, None] * observed.sigma_px * scale
+        band, rhs, information = self._terms(residuals, jacobians, sigma, weights, stiffness, paths)
         variance = typical_variance(information, weights)
         steps, covariance = self._step(
             paths.paths_m,
@@ -175,8 +177,10 @@ class PathSolver:
         squares, determined = np.empty(stiffness.shape), np.empty(stiffness.shape)
         squared_differences(self.smoothness.differences, stiffness, moved, covariance, squares, determined)
         density_factor = self._local_density_factor(squares * paths.density_factor, determined)
-        own_covariance = covariance[:, :, 0].copy()
-        persistent_ratio = self._persistent_covariance(own_covariance, information, person_priors)
+        own_covariance = covariance[:, :, 0] * self._covariance_factor(density, variance, inflation, person_priors)
+        persistent_ratio = self._persistent_covariance(
+            own_covariance, information * inflation[:, None, None, None], person_priors
+        )
         return Paths(
             moved,
             own_covariance,
@@ -188,6 +192,25 @@ class PathSolver:
             squares * paths.density_factor,
             determined,
         )
+
+    def spectrum(self, person_priors: PersonPriors) -> ErrorSpectrum:
+        """Return the spectrum of the errors."""
+        order, step_s = self.smoothness.order, self.observed.step_s
+        return ErrorSpectrum(person_priors.correlation_s, step_s, order, person_priors.error_variance)
+
+    def _covariance_factor(
+        self, density: np.ndarray, variance_m2: np.ndarray, inflation: np.ndarray, person_priors: PersonPriors
+    ) -> np.ndarray:
+        """Return the factor of the covariances for the correlation of errors, shape (keypoint, frame, 1, 1)."""
+        keypoints, rows = density.shape
+        frames = len(self.observed.time_s)
+        if not rows:
+            return np.ones((keypoints, frames, 1, 1))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            log_gain = np.log(density * self.observed.step_s ** (2 * self.smoothness.order - 1) / variance_m2[:, None])
+        middle = np.clip(np.arange(frames) - self.smoothness.order // 2, 0, rows - 1)
+        factor = self.spectrum(person_priors).covariance_factor(inflation[:, None], np.nan_to_num(log_gain)[:, middle])
+        return factor[..., None, None]
 
     def _persistent_covariance(
         self, covariance_m2: np.ndarray, information: np.ndarray, person_priors: PersonPriors
@@ -202,10 +225,7 @@ class PathSolver:
         if person_priors.persistent_ratio == 0.0:
             return np.zeros_like(covariance_m2)
         window = 2 * round(0.5 * self.options.max_gap_s / self.observed.step_s) + 1
-        correlation = error_correlation(self.observed.time_s, person_priors.correlation_s)[-1]
-        typical = (
-            uniform_filter1d(information, window, axis=1, mode="nearest") * (1.0 + correlation) / (1.0 - correlation)
-        )
+        typical = uniform_filter1d(information, window, axis=1, mode="nearest")
         gain = covariance_m2 @ typical
         # The root mean square of the eigenvalues approximates the largest one.
         most = np.sqrt(np.maximum(np.einsum("kfij,kfji->kf", gain, gain), 1e-300) / 3.0)[..., None, None]
@@ -249,7 +269,6 @@ class PathSolver:
         jacobians: np.ndarray,
         sigma_px: np.ndarray,
         weights: np.ndarray,
-        person_priors: PersonPriors,
         stiffness: np.ndarray,
         paths: Paths,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -259,9 +278,8 @@ class PathSolver:
         information = np.empty((keypoints, frames, 3, 3))
         variance_m2 = np.where(np.isfinite(paths.variance_m2), paths.variance_m2, np.inf)
         ridge = _RIDGE / variance_m2 + 1e-12
-        correlation = error_correlation(self.observed.time_s, person_priors.correlation_s)
         assemble_system(
-            ViewTerms(residuals, jacobians, sigma_px, weights, correlation),
+            ViewTerms(residuals, jacobians, sigma_px, weights),
             SmoothnessTerms(self.smoothness.differences, stiffness, ridge),
             paths.paths_m,
             PathSystem(band, rhs, information),

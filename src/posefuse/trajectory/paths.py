@@ -28,6 +28,9 @@ class PersonPriors:
         scale_strength: strength of the prior that the error level of a view is constant, as an equivalent sample size.
         persistent_ratio: variance of persistent errors over that of the others.
         roughness_m2: shape (keypoint,): variance of the motion around its path; None estimates it from the path.
+        inflation: shape (keypoint,): variance of white errors by which paths weight the views, relative to that of the
+            errors; None for 1.
+        error_variance: variance of the errors relative to the noise model, its spread and their level.
     """
 
     density: np.ndarray
@@ -39,6 +42,8 @@ class PersonPriors:
     scale_strength: float = CONSTANT_LEVEL_STRENGTH
     persistent_ratio: float = 0.0
     roughness_m2: np.ndarray | None = None
+    inflation: np.ndarray | None = None
+    error_variance: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +56,7 @@ class Paths:
         persistent_covariance_m2: shape (keypoint, frame, 3, 3): covariance from persistent errors.
         weights: shape (keypoint, frame, view): weight of each observation.
         alive: shape (keypoint, frame), bool: observed, or in a gap no longer than allowed.
-        variance_m2: shape (keypoint,): typical variance of a point from a single frame.
+        variance_m2: shape (keypoint,): typical variance of a point from a single frame, as paths weight it.
         density_factor: shape (keypoint, row): local density relative to that of the keypoint.
         squares: shape (keypoint, row): squared finite differences, in units of the value that the density predicts.
         determined: shape (keypoint, row): number of components of each difference that the data determine.

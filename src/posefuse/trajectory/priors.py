@@ -36,6 +36,9 @@ _MARGIN = 12.0
 
 _MIN_MARGIN_S = 0.25
 
+_STANDARD_COUNT = 100.0
+"""Number of values by which the variance of errors is pulled toward that of the noise model."""
+
 
 @dataclass(frozen=True, eq=False)
 class RecordingPriors(PickledByFields):
@@ -54,6 +57,9 @@ class RecordingPriors(PickledByFields):
         max_gap_s: longer gaps divide a path.
         roughness_m2: shape (person, keypoint): variance of the motion around its paths; NaN if every range of frames
             estimates it separately, which is valid only if there is a single range.
+        inflation: shape (person, keypoint): variance of white errors by which paths weight the views, relative to that
+            of the errors; NaN if unknown.
+        error_variance: shape (person,): variance of the errors relative to the noise model, its spread and their level.
     """
 
     density: np.ndarray
@@ -67,10 +73,12 @@ class RecordingPriors(PickledByFields):
     time_constant_s: np.ndarray
     max_gap_s: float
     roughness_m2: np.ndarray
+    inflation: np.ndarray
+    error_variance: np.ndarray
 
     def __post_init__(self) -> None:
         names = ("density", "length_m", "length_sd_m", "innovation_scale", "scale_strength", "size_m")
-        for name in (*names, "time_constant_s", "roughness_m2"):
+        for name in (*names, "time_constant_s", "roughness_m2", "inflation", "error_variance"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
     def of(self, person: int, spread: float) -> PersonPriors:
@@ -86,6 +94,8 @@ class RecordingPriors(PickledByFields):
             float(self.scale_strength[person]),
             persistence_ratio(self.persistent_fraction),
             None if np.isnan(rough).any() else rough,
+            np.where(np.isfinite(self.inflation[person]), self.inflation[person], 1.0),
+            float(self.error_variance[person]),
         )
 
 
@@ -144,6 +154,8 @@ def estimate_priors(parts: Iterable[MeasuredRange], skeleton: Skeleton, options:
         time_constant_s=np.stack([each.time_constant_s(options) for each in sums]),
         max_gap_s=options.max_gap_s,
         roughness_m2=np.full((len(sums), len(skeleton)), np.nan),
+        inflation=np.stack([each.inflation for each in sums]),
+        error_variance=np.array([each.errors[2] for each in sums]),
     )
 
 
@@ -164,13 +176,14 @@ class _PersonStatistics:
         self._weighted_density = np.zeros(keypoints)
         self._determined = np.zeros(keypoints)
         self._weighted_time_constant = np.zeros(keypoints)
+        self._weighted_inflation = np.zeros(keypoints)
         self._count = np.zeros(n_bones)
         self._length = np.zeros(n_bones)
         self._square = np.zeros(n_bones)
         self._noise = np.zeros(n_bones)
         self._step_s = 1.0
         self._sizes: list[float] = []
-        self._errors: list[tuple[float, float]] = []
+        self._errors: list[tuple[float, float, float]] = []
 
     def add(
         self, observed: PersonObservations, bones: Bones, options: TrajectoryOptions, person_priors: PersonPriors
@@ -179,17 +192,16 @@ class _PersonStatistics:
         self._step_s = observed.step_s
         smoothness = Smoothness.of(options.prior, observed.time_s)
         solver = PathSolver(observed, smoothness, Bones.none(), replace(options, density_window_s=0.0))
-        paths, density, determined, errors = fit_density(solver, person_priors)
-        if person_priors.correlation_s > 0.0:
-            # Correlated deviations may be motion or error. Mistaking errors for motion costs little accuracy;
-            # the reverse loses motion.
-            density = np.fmax(density, fit_density(solver, replace(person_priors, correlation_s=0.0))[1])
-        self._errors.append(errors)
+        paths, density, determined, person_priors = fit_density(solver, person_priors)
+        of_errors = person_priors.innovation_scale, person_priors.scale_strength, person_priors.error_variance
+        self._errors.append(of_errors)
         information = np.where(np.isfinite(density), determined, 0.0)
         self._determined += information
         self._weighted_density += np.where(information > 0.0, information * density, 0.0)
         time_constant = time_constant_s(observed.step_s, paths.variance_m2, density, smoothness.order)
         self._weighted_time_constant += np.where(information > 0.0, information * time_constant, 0.0)
+        inflation = person_priors.error_variance * solver.spectrum(person_priors).power(time_constant)
+        self._weighted_inflation += np.where(information > 0.0, information * inflation, 0.0)
         self._add_lengths(paths, bones)
         self._add_size(paths)
 
@@ -224,13 +236,12 @@ class _PersonStatistics:
             self._sizes.append(float(np.median(extent)))
 
     @property
-    def errors(self) -> tuple[float, float]:
-        """Mean innovation scale and median scale strength; 1 without data."""
+    def errors(self) -> tuple[float, float, float]:
+        """Mean innovation scale, median scale strength, and mean variance of errors; 1 without data."""
         if not self._errors:
-            return 1.0, 1.0
-        return float(np.mean([innovation_scale for innovation_scale, _ in self._errors])), float(
-            np.median([each for _, each in self._errors])
-        )
+            return 1.0, 1.0, 1.0
+        scales, strengths, variances = zip(*self._errors, strict=True)
+        return float(np.mean(scales)), float(np.median(strengths)), float(np.mean(variances))
 
     def density(self, options: TrajectoryOptions) -> np.ndarray:
         """Return densities, shape (keypoint,); keypoints without data get the geometric mean of the others."""
@@ -241,6 +252,11 @@ class _PersonStatistics:
     def time_constant_s(self, options: TrajectoryOptions) -> np.ndarray:
         """Return time constants, shape (keypoint,)."""
         return _filled(self._weighted_time_constant, self._determined)
+
+    @property
+    def inflation(self) -> np.ndarray:
+        """Inflation of the variances, shape (keypoint,)."""
+        return _filled(self._weighted_inflation, self._determined)
 
     def lengths(
         self, rigid: np.ndarray, prior: LengthPrior, correlation_s: float, options: TrajectoryOptions
@@ -290,10 +306,8 @@ def _filled(weighted: np.ndarray, determined: np.ndarray) -> np.ndarray:
     return np.where(information, mean, np.exp(np.log(mean[information]).mean()))
 
 
-def fit_density(
-    solver: PathSolver, person_priors: PersonPriors
-) -> tuple[Paths, np.ndarray, np.ndarray, tuple[float, float]]:
-    """Return paths without bones, the density and number of determined components per keypoint, and error statistics.
+def fit_density(solver: PathSolver, person_priors: PersonPriors) -> tuple[Paths, np.ndarray, np.ndarray, PersonPriors]:
+    """Return paths without bones, the density and number of determined components per keypoint, and the priors used.
 
     Args:
         solver: of a range of frames, without bones.
@@ -302,20 +316,30 @@ def fit_density(
     observed, order = solver.observed, ORDERS[solver.options.prior]
     step_s = observed.step_s
     paths = Paths.initial(observed, solver.smoothness, solver.options)
-    density = density_for_time_constant(
-        step_s, solver.first_variance(paths, person_priors), _INITIAL_STEPS * step_s, order
-    )
+    first_m2 = solver.first_variance(paths, person_priors)
+    density = density_for_time_constant(step_s, first_m2, _INITIAL_STEPS * step_s, order)
     determined = np.zeros(len(density))
     innovation_scale, scale_strength = solver.error_level.estimate(person_priors)
     person_priors = replace(person_priors, innovation_scale=innovation_scale, scale_strength=scale_strength)
     scale = solver.error_level.scale(person_priors)
+    if person_priors.correlation_s > 0.0:
+        squares, count = solver.error_level.squares(paths.weights, person_priors)
+        # Pulled toward the noise model by a few values.
+        error_variance = (_STANDARD_COUNT + squares) / (_STANDARD_COUNT + count)
+        person_priors = replace(person_priors, error_variance=error_variance)
+    spectrum = solver.spectrum(person_priors)
     max_time_constant_s = max(_MAX_TIME_CONSTANT_S, _MAX_TIME_CONSTANT_STEPS * step_s)
+    variance_m2 = first_m2
     for number in range(_ROUNDS):
-        person_priors = replace(person_priors, density=np.where(np.isfinite(density), density, 1.0))
+        density = np.where(np.isfinite(density), density, 1.0)
+        power = spectrum.power(np.nan_to_num(time_constant_s(step_s, variance_m2, density, order)))
+        inflation = person_priors.error_variance * power
+        person_priors = replace(person_priors, density=density, inflation=inflation)
         paths = solver.perform_round(paths, person_priors, scale, keep_weights=number < _ROUNDS // 2)
+        variance_m2 = paths.variance_m2
         determined = paths.determined.sum(axis=1)
         with np.errstate(invalid="ignore", divide="ignore"):
             change = paths.squares.sum(axis=1) / determined
         density = density * np.clip(np.where(determined > 0.0, change, 1.0), 1.0 / _MAX_CHANGE, _MAX_CHANGE)
-        density = np.maximum(density, density_for_time_constant(step_s, paths.variance_m2, max_time_constant_s, order))
-    return paths, density, determined, (innovation_scale, scale_strength)
+        density = np.maximum(density, density_for_time_constant(step_s, variance_m2, max_time_constant_s, order))
+    return paths, density, determined, person_priors

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
+from scipy.signal import lfilter
 
 from posefuse.model.cameras import CameraRig
 from posefuse.model.label_swaps import Swaps, SwapState
@@ -34,20 +35,22 @@ PLAIN = TrajectoryOptions(density_window_s=0.0, full_weight_sigma=50.0, zero_wei
 
 
 def priors_of(
-    density: float, length_sd_m: float = np.inf, correlation_s: float = 0.0, keypoints: int = 3
+    density: float, length_sd_m: float = np.inf, inflation: float = 1.0, keypoints: int = 3
 ) -> RecordingPriors:
     return RecordingPriors(
         density=np.full((1, keypoints), density),
         length_m=np.array([[0.3, 0.25]]),
         length_sd_m=np.full((1, 2), length_sd_m),
-        correlation_s=correlation_s,
+        correlation_s=0.0,
         persistent_fraction=0.0,
         innovation_scale=np.ones(1),
         scale_strength=np.full(1, CONSTANT_LEVEL_STRENGTH),
         size_m=np.array([0.5]),
         time_constant_s=np.full((1, keypoints), 0.03),
         max_gap_s=0.5,
-        roughness_m2=np.full((1, keypoints), np.nan),
+        roughness_m2=np.zeros((1, keypoints)),
+        inflation=np.full((1, keypoints), inflation),
+        error_variance=np.ones(1),
     )
 
 
@@ -68,6 +71,32 @@ def test_noise_is_smoothed_with_valid_coverage(arm):
     assert (np.asarray(layer.source) == Source.TRAJECTORY).all()
 
 
+@pytest.mark.parametrize("correlation_s", [0.1, 0.25])
+def test_regions_are_valid_under_correlated_errors(correlation_s):
+    inside, errors = [], []
+    truth = swinging(600)
+    for seed in range(4):
+        measurements = measured(truth, pixels=exact_pixels(ring(4), truth) + lasting(truth, correlation_s, seed))
+        layer = solved(measurements)
+        offset = np.asarray(layer.points_m)[:, 0] - truth
+        inverse = np.linalg.inv(unpack_covariance(np.asarray(layer.covariance_m2))[:, 0])
+        inside.append(np.einsum("fki,fkij,fkj->fk", offset, inverse, offset) < [[[3.506]], [[7.815]]])
+        errors.append(np.median(errors_m(layer, truth)) / np.median(errors_m(measurements.layer, truth)))
+    shares = np.mean(inside, axis=(0, 2, 3))
+    # An arm that swings evenly has less of the motion that paths lose than people do.
+    assert 0.62 < shares[0] < 0.90
+    assert shares[1] > 0.93
+    assert np.mean(errors) < {0.1: 0.565, 0.25: 0.735}[correlation_s]
+
+
+def lasting(points_m: np.ndarray, correlation_s: float, seed: int) -> np.ndarray:
+    """Return errors of 2 px with a correlation time, shape (frame, view, keypoint, 2)."""
+    white = np.random.default_rng(seed).standard_normal((len(points_m), 4, points_m.shape[1], 2))
+    r = np.exp(-1.0 / (60.0 * correlation_s))
+    white[1:] *= np.sqrt(1.0 - r * r)
+    return 2.0 * np.asarray(lfilter([1.0], [1.0, -r], white, axis=0))
+
+
 @pytest.mark.parametrize(("prior", "powers"), [("jerk", (1.0, -0.3, 0.2)), ("acceleration", (1.0, -0.3))])
 def test_motion_without_prior_cost_is_reproduced_exactly(prior, powers):
     t = np.arange(90) / 60.0
@@ -85,9 +114,9 @@ def twin(
     smoothness, ends = Smoothness.of(options.prior, observed.time_s), Bones.of(measurements.detections.skeleton).ends
     keypoints, frames = observed.points_m.shape[:2]
     step = observed.step_s
-    c = np.exp(-step / recording_priors.correlation_s) if recording_priors.correlation_s else 0.0
+    sigma_px = 2.0 * np.sqrt(recording_priors.inflation[0, 0])
     _, jacobians = observed.linear(observed.points_m)
-    visible = np.einsum("kfvai,kfvaj->kfij", jacobians, jacobians) / 4.0 * (1.0 - c) / (1.0 + c)
+    visible = np.einsum("kfvai,kfvaj->kfij", jacobians, jacobians) / sigma_px**2
     usual = 1.0 / np.median(np.trace(visible, axis1=-2, axis2=-1) / 3.0, axis=1)
     tight = np.minimum(
         step / (2.0 * _BONE_CORRELATION_S) / recording_priors.length_sd_m[0] ** 2,
@@ -96,8 +125,7 @@ def twin(
 
     def residuals(flat: np.ndarray) -> np.ndarray:
         paths = flat.reshape(keypoints, frames, 3)
-        errors = observed.linear(paths)[0] / 2.0
-        errors[:, 1:] = (errors[:, 1:] - c * errors[:, :-1]) / np.sqrt(1.0 - c * c)
+        errors = observed.linear(paths)[0] / sigma_px
         rows = np.stack([smoothness.differences[r] @ paths[:, r : r + 4] for r in range(frames - 3)], axis=1)
         rough = rows * np.sqrt(smoothness.time_s[:, None] / recording_priors.density[0][:, None, None])
         length = np.linalg.norm(paths[ends[:, 0]] - paths[ends[:, 1]], axis=-1)
@@ -110,10 +138,10 @@ def twin(
     return actual.x.reshape(keypoints, frames, 3), np.stack(blocks).reshape(keypoints, frames, 3, 3)
 
 
-@pytest.mark.parametrize(("length_sd_m", "correlation_s"), [(np.inf, 0.0), (0.004, 0.0), (np.inf, 0.1), (0.004, 0.1)])
-def test_solution_matches_a_general_solver(length_sd_m, correlation_s):
+@pytest.mark.parametrize(("length_sd_m", "inflation"), [(np.inf, 1.0), (0.004, 1.0), (np.inf, 4.0), (0.004, 4.0)])
+def test_solution_matches_a_general_solver(length_sd_m, inflation):
     measurements = measured(swinging(24), seed=3)
-    recording_priors = priors_of(20.0, length_sd_m, correlation_s)
+    recording_priors = priors_of(20.0, length_sd_m, inflation)
     layer = solved(measurements, recording_priors, PLAIN)
     paths, covariance = twin(measurements, recording_priors, PLAIN)
     ours = np.asarray(layer.points_m)[:, 0].transpose(1, 0, 2)

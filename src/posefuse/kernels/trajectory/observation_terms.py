@@ -7,14 +7,8 @@ The first axis is the keypoint, the second the frame. The band has the layout of
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from posefuse.kernels.jit import inline, kernel, vectorized
 from posefuse.kernels.trajectory.band import REACH
-
-_MIN_CORRELATED_WEIGHT = 0.5
-"""An observation of smaller weight has no error correlation with the next one."""
-
 
 _MAX_PATH_VARIANCE = 10.0
 """Upper bound of the path's own variance in the weights, in units of the variance of a detection."""
@@ -28,14 +22,12 @@ class ViewTerms(NamedTuple):
         jacobians: shape (keypoint, frame, view, 2, 3).
         sigma: shape (keypoint, frame, view).
         weights: shape (keypoint, frame, view).
-        correlation: shape (frame,): correlation of an error with that of the previous frame.
     """
 
     residuals: Any
     jacobians: Any
     sigma: Any
     weights: Any
-    correlation: Any
 
 
 class SmoothnessTerms(NamedTuple):
@@ -149,72 +141,31 @@ def whiten_errors(residuals, sigma, used, correlation, squares, counts):
                 lag_correlation = 1.0
 
 
-@inline
-def _add_outer(first, second, factor, out):
-    """Compute ``out += factor first^T second`` for the derivatives of two observations, 2x3 each."""
-    for i in range(3):
-        for j in range(3):
-            out[i, j] += factor * (first[0, i] * second[0, j] + first[1, i] * second[1, j])
-
-
-@inline
-def _add_gradient(jacobian, x, y, factor, out):
-    """Compute ``out += factor jacobian^T (x, y)``."""
-    for i in range(3):
-        out[i] += factor * (jacobian[0, i] * x + jacobian[1, i] * y)
-
-
 @vectorized
-def add_view(views, k, v, system, scratch):
-    """Add the observations of a keypoint in one view; errors follow a first-order autoregressive process.
+def add_view(views, k, v, system):
+    """Add the observations of a keypoint in one view.
 
     Args:
         views: ViewTerms.
         k: the keypoint.
         v: the view.
-        system: PathSystem, added to; the information of a frame is reduced for the correlation over many frames.
-        scratch: shape (2, 2, 4), scratch: of the last frame and of this one.
+        system: PathSystem, added to.
     """
     residuals, jacobians, sigma, weights = views.residuals[k], views.jacobians[k], views.sigma[k], views.weights[k]
-    band, rhs, information = system.band[k], system.rhs[k], system.information[k]
-    correlation = views.correlation
-    last = -1
-    last_weight = 0.0
-    lag_correlation = 1.0
-    now = 0
+    rhs, information = system.rhs[k], system.information[k]
     for f in range(residuals.shape[0]):
-        lag_correlation *= correlation[f]
         weight = weights[f, v]
         if not weight > 0.0:
             continue
-        scale = math.sqrt(weight) / sigma[f, v]
-        current = scratch[now]
-        for a in range(2):
-            current[a, 3] = scale * residuals[f, v, a]
-            for i in range(3):
-                current[a, i] = scale * jacobians[f, v, a, i]
-        c = 0.0
-        if last >= 0 and f - last <= REACH and weight > _MIN_CORRELATED_WEIGHT:
-            c = lag_correlation * math.sqrt(weight * last_weight)
-        innovation_weight = 1.0 / (1.0 - c * c)
-        previous = scratch[1 - now]
-        x = current[0, 3]
-        y = current[1, 3]
-        if c > 0.0:
-            x -= c * previous[0, 3]
-            y -= c * previous[1, 3]
-            _add_outer(previous, previous, c * c * innovation_weight, band[last, 0])
-            _add_outer(current, previous, -c * innovation_weight, band[f, f - last])
-            _add_gradient(previous, x, y, c * innovation_weight, rhs[last])
-        _add_outer(current, current, innovation_weight, band[f, 0])
-        _add_gradient(current, x, y, -innovation_weight, rhs[f])
-        frame_correlation = correlation[f] if correlation[f] < 1.0 else 0.0
-        _add_outer(current, current, (1.0 - frame_correlation) / (1.0 + frame_correlation), information[f])
-        if weight > _MIN_CORRELATED_WEIGHT:
-            last = f
-            last_weight = weight
-            lag_correlation = 1.0
-            now = 1 - now
+        factor = weight / (sigma[f, v] * sigma[f, v])
+        x = residuals[f, v, 0]
+        y = residuals[f, v, 1]
+        first = jacobians[f, v, 0]
+        second = jacobians[f, v, 1]
+        for i in range(3):
+            rhs[f, i] -= factor * (first[i] * x + second[i] * y)
+            for j in range(3):
+                information[f, i, j] += factor * (first[i] * first[j] + second[i] * second[j])
 
 
 @vectorized
@@ -261,16 +212,17 @@ def assemble_system(views, smoothness, paths, system):
     """
     differences, stiffness, ridge = smoothness
     band, rhs, information = system
-    scratch = np.empty((2, 2, 4))
     for k in range(paths.shape[0]):
         band[k] = 0.0
         rhs[k] = 0.0
         information[k] = 0.0
+        for v in range(views.residuals.shape[2]):
+            add_view(views, k, v, system)
         for f in range(paths.shape[1]):
             for i in range(3):
-                band[k, f, 0, i, i] = ridge[k]
-        for v in range(views.residuals.shape[2]):
-            add_view(views, k, v, system, scratch)
+                for j in range(3):
+                    band[k, f, 0, i, j] = information[k, f, i, j]
+                band[k, f, 0, i, i] += ridge[k]
         add_smoothness(differences, stiffness[k], paths[k], band[k], rhs[k])
 
 

@@ -1,0 +1,86 @@
+"""Power of detection errors by frequency: how it weights the views, and what it adds to the covariance of a path.
+
+A path follows motion up to a cutoff frequency and averages errors above it. Errors with the correlation time ``tau``
+have more power below than white errors of the same variance, and less above ``1 / tau``. Views are weighted as if their
+errors were white with the power at the cutoff, where motion and errors compete; whitening the errors of each view
+instead would take every change of their size for information. The covariance of the estimate is then that of the
+actual errors, the sandwich ``A^-1 B A^-1`` (P. J. Huber, "The behavior of maximum likelihood estimates under
+nonstandard conditions", 1967), computed by frequency for a path with constant parameters.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+_FREQUENCIES = 1500
+_LOG_GAINS = np.linspace(-60.0, 25.0, 341)
+"""Logarithms of the density of a path in units of the variance of a frame and the time between frames."""
+
+_UNEVEN_MOTION = 4.0
+"""Power of the motion that paths with correlated errors lose, relative to the white noise of the prior. Such paths have
+cutoffs of 1 to 2 Hz, where motion is far from white. Real and simulated people, mice and flies have ratios of 2 to 6.
+"""
+
+
+@dataclass(frozen=True)
+class ErrorSpectrum:
+    """Spectrum of the errors of a first-order autoregressive process, relative to white errors of equal variance.
+
+    Attributes:
+        correlation_s: correlation time of the errors; 0 if they are white.
+        step_s: time between frames.
+        order: order of the derivative of the path that is white noise.
+        level: variance of the errors relative to the assumed one.
+    """
+
+    correlation_s: float
+    step_s: float
+    order: int
+    level: float = 1.0
+
+    def power(self, time_constant_s: np.ndarray) -> np.ndarray:
+        """Return the power at the cutoff of paths with these time constants, at least that of white errors."""
+        if self.correlation_s <= 0.0:
+            return np.ones_like(time_constant_s)
+        angle = np.minimum(self.step_s / np.maximum(time_constant_s, 1e-300), np.pi)
+        return np.maximum(_power(np.exp(-self.step_s / self.correlation_s), angle), 1.0)
+
+    def covariance_factor(self, inflation: np.ndarray, log_gain: np.ndarray) -> np.ndarray:
+        """Return the factor of the covariance that follows from white errors with inflated variances.
+
+        Args:
+            inflation: variance of the white errors that the path assumes, relative to the actual ones.
+            log_gain: logarithm of ``density step_s^(2 order - 1) / variance``, where ``variance`` is the inflated
+                variance of a point from a single frame.
+        """
+        if self.correlation_s <= 0.0:
+            return np.ones(np.broadcast_shapes(inflation.shape, log_gain.shape))
+        errors, motion = _shares(float(np.exp(-self.step_s / self.correlation_s)), self.order)
+        return self.level / inflation * np.interp(log_gain, _LOG_GAINS, errors) + _UNEVEN_MOTION * np.interp(
+            log_gain, _LOG_GAINS, motion
+        )
+
+
+def _power(correlation: float, angle: np.ndarray) -> np.ndarray:
+    """Return the power of an autoregressive process of unit variance at frequencies in radians per frame."""
+    return (1.0 - correlation**2) / (1.0 + correlation**2 - 2.0 * correlation * np.cos(angle))
+
+
+@lru_cache(maxsize=64)
+def _shares(correlation: float, order: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return what errors and motion contribute to the variance of a path, relative to the assumed variance.
+
+    With the power ``S`` of the errors and ``D`` of the finite difference, a path of gain ``g`` that assumes white
+    errors of unit variance has the assumed variance ``int 1 / (1 + D / g)``, the variance ``int S / (1 + D / g)^2``
+    from errors and ``int (D / g) / (1 + D / g)^2`` from motion.
+    """
+    # Dense at low frequencies, where slow paths have their cutoff.
+    edges = np.pi * np.linspace(0.0, 1.0, _FREQUENCIES + 1) ** 4
+    angle, width = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
+    relative = np.square(2.0 * np.sin(0.5 * angle)) ** order / np.exp(_LOG_GAINS)[:, None]
+    gain = 1.0 / (1.0 + relative)
+    assumed = gain @ width
+    errors = np.square(gain) @ (width * _power(correlation, angle))
+    motion = (relative * np.square(gain)) @ width
+    return errors / assumed, motion / assumed

@@ -1,0 +1,41 @@
+"""Spectrum of correlated errors, compared with dense matrices."""
+
+import numpy as np
+import pytest
+
+from posefuse.trajectory.error_spectrum import _UNEVEN_MOTION, ErrorSpectrum
+
+STEP_S = 1.0 / 60.0
+
+
+@pytest.mark.parametrize("order", [2, 3])
+@pytest.mark.parametrize("correlation_s", [0.02, 0.2])
+@pytest.mark.parametrize("time_constant_s", [0.02, 0.1])
+def test_covariance_is_that_of_the_actual_errors(order, correlation_s, time_constant_s):
+    frames, inflation, level = 401, 2.5, 0.7
+    difference = np.diff(np.eye(frames), order, axis=0)
+    gain = (STEP_S / time_constant_s) ** (2 * order)
+    information = np.eye(frames) / inflation
+    prior = difference.T @ difference / (gain * inflation)
+    assumed = np.linalg.inv(information + prior)
+    lag = np.abs(np.subtract.outer(np.arange(frames), np.arange(frames)))
+    errors = level * np.exp(-lag * STEP_S / correlation_s)
+    actual = assumed @ (information @ errors @ information + _UNEVEN_MOTION * prior) @ assumed
+    spectrum = ErrorSpectrum(correlation_s, STEP_S, order, level)
+    factor = spectrum.covariance_factor(np.array([inflation]), np.array([np.log(gain)]))
+    assert factor[0] == pytest.approx(actual[200, 200] / assumed[200, 200], rel=0.02)
+
+
+def test_white_errors_change_nothing():
+    spectrum = ErrorSpectrum(0.0, STEP_S, 3)
+    assert np.array_equal(spectrum.power(np.array([0.01, 1.0])), np.ones(2))
+    assert np.array_equal(spectrum.covariance_factor(np.ones((2, 1)), np.zeros((1, 5))), np.ones((2, 5)))
+
+
+def test_slow_paths_average_less_of_lasting_errors():
+    power = ErrorSpectrum(0.2, STEP_S, 3).power(np.array([1e-9, 0.01, 0.1, 1.0, 100.0]))
+    assert power[0] == 1.0
+    assert (np.diff(power) >= 0.0).all()
+    # Over a long time, an autoregression has the variance of white errors times (1 + r) / (1 - r).
+    r = np.exp(-STEP_S / 0.2)
+    assert power[-1] == pytest.approx((1.0 + r) / (1.0 - r), rel=1e-3)
