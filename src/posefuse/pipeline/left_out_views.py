@@ -31,7 +31,14 @@ from posefuse.pipeline.plan import Plan
 from posefuse.pipeline.solved_layer import FrameWindow, LayerSolver, clock_of
 
 _MIN_VIEWS = 3
-"""With one of two views left out, nothing can be triangulated."""
+"""With one of two views left out, nothing can be triangulated. To leave out a view for a moment only shows which layer
+follows the detector's lasting errors: on recordings of three cameras, of which the third is the reference, this chooses
+the solved layer always, and the worse of two layers in every second case."""
+
+_TWO_VIEWS = (
+    "Left-out views cannot be predicted with two cameras, so the layers are not compared. The default layer is the "
+    "most processed one."
+)
 
 _MAX_VIEWS = 6
 _MAX_SPANS, _SPAN_S, _MARGIN_S = 4, 1.0, 0.35
@@ -66,13 +73,15 @@ class Span:
 def with_layer_scores(plan: Plan) -> Plan:
     """Return the plan with scores of the layers of its result, deviations of keypoints from bodies, and notes of both.
 
-    A plan without scores is returned unchanged: with one layer, fewer than three views, or unrelated frames there is
-    nothing to compare.
+    With one layer, no people or unrelated frames there is nothing to compare, and the plan is returned unchanged. With
+    two views it has a note instead of scores.
     """
     bodies = Bodies.of(plan.bodies or plan.subjects, plan.options)
-    n_views, people = len(plan.rig), plan.subjects.tracks(0, 0).person_ids
-    if (plan.solver is None and bodies is None) or n_views < _MIN_VIEWS or not people or plan.options.people == STILLS:
+    people = plan.subjects.tracks(0, 0).person_ids
+    if (plan.solver is None and bodies is None) or not people or plan.options.people == STILLS:
         return plan
+    if len(plan.rig) < _MIN_VIEWS:
+        return replace(plan, provenance=plan.provenance.with_notes([_TWO_VIEWS]))
     errors, samples = _errors_px(plan, bodies)
     notes, deviation_sd_m = [], None
     if bodies is not None:

@@ -86,11 +86,16 @@ def test_scores_do_not_depend_on_the_chunks_and_are_stored(scene, tmp_path):
 
 
 def test_nothing_is_scored_with_one_layer_or_two_cameras(scene):
-    plan = plan_of(scene.rig, scene.detections, replace(OPTIONS, bodies="none", solve="frame"))
+    one_layer = replace(OPTIONS, bodies="none", solve="frame")
+    plan = plan_of(scene.rig, scene.detections, one_layer)
     assert with_layer_scores(plan) is plan
     two = scene.rig.names[:2]
-    plan = plan_of(scene.rig.select(two), scene.detections.views(two))
+    plan = plan_of(scene.rig.select(two), scene.detections.views(two), one_layer)
     assert with_layer_scores(plan) is plan
+    result = posefuse.reconstruct(scene.rig.select(two), scene.detections.views(two), OPTIONS)
+    assert not result.layer_scores
+    assert any("two cameras, so the layers are not compared" in note for note in result.provenance.notes)
+    assert result.best_layer()[0] == "model"
 
 
 def test_work_is_bounded_for_long_recordings_and_many_views():
