@@ -108,7 +108,8 @@ def same_people(tracks: Tracks, reference: Tracks, views: Sequence[int]) -> np.n
     if not ours.shape[1]:
         return np.full(theirs.shape[:2], -1)
     equal = ((ours[:, None] == theirs[:, :, None]) & (ours[:, None] >= 0)).sum(axis=-1)
-    most = equal.sum(axis=0).argmax(axis=-1)
+    total = equal.sum(axis=0)
+    most = np.where(total.any(axis=-1), total.argmax(axis=-1), -1)
     return np.where(equal.any(axis=-1), equal.argmax(axis=-1), most)
 
 

@@ -25,5 +25,8 @@ def test_people_are_matched_by_the_detections_that_they_share():
     reference = Tracks(("a", "b"), detection, np.full((3, 2), TrackState.ACTIVE, dtype=np.int8))
     ours = Tracks(("x", "y"), detection[:, ::-1][:, :, [0, 2]], np.full((3, 2), TrackState.ACTIVE, dtype=np.int8))
     assert held_out.same_people(ours, reference, [0, 2]).tolist() == [[1, 0]] * 3
+    # A person whom the other views do not show is none of the others.
+    stranger = Tracks(("x",), detection[:, :1, :2], np.full((3, 1), TrackState.ACTIVE, dtype=np.int8))
+    assert held_out.same_people(stranger, reference, [0, 1])[:, 1].tolist() == [-1] * 3
     nobody = Tracks((), detection[:, :0, :2], np.zeros((3, 0), dtype=np.int8))
     assert (held_out.same_people(nobody, reference, [0, 2]) == -1).all()
