@@ -32,8 +32,7 @@ from posefuse.pipeline.solved_layer import FrameWindow, LayerSolver, clock_of
 
 _MIN_VIEWS = 3
 """With one of two views left out, nothing can be triangulated. To leave out a view for a moment only shows which layer
-follows the detector's lasting errors: on recordings of three cameras, of which the third is the reference, this chooses
-the solved layer always, and the worse of two layers in every second case."""
+follows the lasting errors of the detector: judged by a third camera, this chooses the worse layer in 9 of 15 cases."""
 
 _TWO_VIEWS = (
     "Left-out views cannot be predicted with two cameras, so the layers are not compared. The default layer is the "
