@@ -227,9 +227,10 @@ class PathSolver:
         window = 2 * round(0.5 * self.options.max_gap_s / self.observed.step_s) + 1
         typical = uniform_filter1d(information, window, axis=1, mode="nearest")
         gain = covariance_m2 @ typical
-        # The root mean square of the eigenvalues approximates the largest one.
-        most = np.sqrt(np.maximum(np.einsum("kfij,kfji->kf", gain, gain), 1e-300) / 3.0)[..., None, None]
-        return person_priors.persistent_ratio * (gain @ covariance_m2) / np.square(most)
+        # The mean square of the eigenvalues approximates that of the largest one. Rounding leaves no positive one where
+        # nothing determines a point.
+        squared = np.einsum("kfij,kfji->kf", gain, gain)[..., None, None] / 3.0
+        return person_priors.persistent_ratio * (gain @ covariance_m2) / np.where(squared > 0.0, squared, np.nan)
 
     def _min_agreeing_views(self, person_priors: PersonPriors) -> int:
         """Return the number of agreeing views that overrule the path."""

@@ -1,6 +1,7 @@
 """Trajectory solve: invariances, accuracy, outlier rejection and agreement with a general solver."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.trajectory.bones import Bones
 from posefuse.trajectory.observations import MeasuredRange, PersonObservations
-from posefuse.trajectory.path_solver import _BONE_CORRELATION_S, _MAX_RELATIVE_STIFFNESS
+from posefuse.trajectory.path_solver import _BONE_CORRELATION_S, _MAX_RELATIVE_STIFFNESS, PathSolver
 from posefuse.trajectory.paths import CONSTANT_LEVEL_STRENGTH
 from posefuse.trajectory.priors import RecordingPriors, estimate_priors, margin_s
 from posefuse.trajectory.smoothness import Smoothness
@@ -374,3 +375,13 @@ def test_no_observations_give_no_points(arm):
     layer = solved(measured(swinging(30), pixels=pixels))
     assert isinstance(layer, Layer)
     assert np.isnan(np.asarray(layer.points_m)).all()
+
+
+def test_a_point_that_nothing_determines_has_no_finite_covariance():
+    """Rounding leaves an indefinite covariance; its persistent part must not overflow."""
+    solver = SimpleNamespace(options=TrajectoryOptions(), observed=SimpleNamespace(step_s=0.01))
+    covariance = 1e18 * np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])[None, None]
+    information = np.diag([1.0, 0.0, 0.0])[None, None]
+    priors = SimpleNamespace(persistent_ratio=1.0)
+    found = PathSolver._persistent_covariance(solver, covariance, information, priors)  # type: ignore[arg-type]
+    assert not np.isfinite(found).any()
