@@ -21,6 +21,6 @@ def test_trajectory_predicts_a_held_out_camera_and_reduces_bone_variation(record
     figures = held_out.compare(case, [held_out.over_time])
     actual, each = figures["solved"], figures["measured"]
     assert actual.median_px <= most * each.median_px
-    assert actual.p90_px <= 1.05 * each.p90_px
+    assert actual.p90_px <= max(most, 1.05) * each.p90_px
     assert actual.predicted > 0.8
     assert actual.bones < 0.5 * each.bones
