@@ -46,20 +46,29 @@ class ErrorSpectrum:
         angle = np.minimum(self.step_s / np.maximum(time_constant_s, 1e-300), np.pi)
         return np.maximum(_power(np.exp(-self.step_s / self.correlation_s), angle), 1.0)
 
-    def covariance_factor(self, inflation: np.ndarray, log_gain: np.ndarray) -> np.ndarray:
+    def covariance_factor(self, inflation: np.ndarray, log_gain: np.ndarray, leverage: np.ndarray) -> np.ndarray:
         """Return the factor of the covariance that follows from white errors with inflated variances.
+
+        At the ends of a path and in short ones, fewer frames than usual determine a point. The inflated variance, meant
+        for the mean of many frames, would exceed that of the point of a single frame; the part of the errors is limited
+        to the latter.
 
         Args:
             inflation: variance of the white errors that the path assumes, relative to the actual ones.
             log_gain: logarithm of ``density step_s^(2 order - 1) / variance``, where ``variance`` is the inflated
                 variance of a point from a single frame.
+            leverage: covariance of the path relative to that of a point from the frame alone, both with the inflated
+                variances; 0 where the frame shows nothing.
         """
         if self.correlation_s <= 0.0:
             return np.ones(np.broadcast_shapes(inflation.shape, log_gain.shape))
-        errors, motion = _shares(float(np.exp(-self.step_s / self.correlation_s)), self.order)
-        return self.level / inflation * np.interp(log_gain, _LOG_GAINS, errors) + _UNEVEN_MOTION * np.interp(
-            log_gain, _LOG_GAINS, motion
-        )
+        tables = _shares(float(np.exp(-self.step_s / self.correlation_s)), self.order)
+        usual, errors, motion = (np.interp(log_gain, _LOG_GAINS, each) for each in tables)
+        single = self.level / inflation
+        factor = single * errors + _UNEVEN_MOTION * motion
+        # Errors of a mean are no larger than those of its frames, and paths lose as much motion as usual.
+        limit = single + _UNEVEN_MOTION * motion * usual
+        return np.minimum(factor, limit / np.maximum(leverage, 1e-9))
 
 
 def _power(correlation: float, angle: np.ndarray) -> np.ndarray:
@@ -68,8 +77,8 @@ def _power(correlation: float, angle: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=64)
-def _shares(correlation: float, order: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return what errors and motion contribute to the variance of a path, relative to the assumed variance.
+def _shares(correlation: float, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the assumed variance of a path, and what errors and motion contribute to the actual one, relative to it.
 
     With the power ``S`` of the errors and ``D`` of the finite difference, a path of gain ``g`` that assumes white
     errors of unit variance has the assumed variance ``int 1 / (1 + D / g)``, the variance ``int S / (1 + D / g)^2``
@@ -83,4 +92,4 @@ def _shares(correlation: float, order: int) -> tuple[np.ndarray, np.ndarray]:
     assumed = gain @ width
     errors = np.square(gain) @ (width * _power(correlation, angle))
     motion = (relative * np.square(gain)) @ width
-    return errors / assumed, motion / assumed
+    return assumed / np.pi, errors / assumed, motion / assumed

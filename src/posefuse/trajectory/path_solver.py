@@ -177,7 +177,9 @@ class PathSolver:
         squares, determined = np.empty(stiffness.shape), np.empty(stiffness.shape)
         squared_differences(self.smoothness.differences, stiffness, moved, covariance, squares, determined)
         density_factor = self._local_density_factor(squares * paths.density_factor, determined)
-        own_covariance = covariance[:, :, 0] * self._covariance_factor(density, variance, inflation, person_priors)
+        leverage = np.einsum("kfij,kfji->kf", covariance[:, :, 0], information) / 3.0
+        factor = self._covariance_factor(density, variance, inflation, leverage, person_priors)
+        own_covariance = covariance[:, :, 0] * factor
         persistent_ratio = self._persistent_covariance(
             own_covariance, information * inflation[:, None, None, None], person_priors
         )
@@ -199,7 +201,12 @@ class PathSolver:
         return ErrorSpectrum(person_priors.correlation_s, step_s, order, person_priors.error_variance)
 
     def _covariance_factor(
-        self, density: np.ndarray, variance_m2: np.ndarray, inflation: np.ndarray, person_priors: PersonPriors
+        self,
+        density: np.ndarray,
+        variance_m2: np.ndarray,
+        inflation: np.ndarray,
+        leverage: np.ndarray,
+        person_priors: PersonPriors,
     ) -> np.ndarray:
         """Return the factor of the covariances for the correlation of errors, shape (keypoint, frame, 1, 1)."""
         keypoints, rows = density.shape
@@ -208,8 +215,12 @@ class PathSolver:
             return np.ones((keypoints, frames, 1, 1))
         with np.errstate(divide="ignore", invalid="ignore"):
             log_gain = np.log(density * self.observed.step_s ** (2 * self.smoothness.order - 1) / variance_m2[:, None])
-        middle = np.clip(np.arange(frames) - self.smoothness.order // 2, 0, rows - 1)
-        factor = self.spectrum(person_priors).covariance_factor(inflation[:, None], np.nan_to_num(log_gain)[:, middle])
+        # An even number of frames has no middle one: the two nearest rows count, so that time may run backward.
+        order = self.smoothness.order
+        before, after = (np.clip(np.arange(frames) - each, 0, rows - 1) for each in ((order + 1) // 2, order // 2))
+        log_gain = np.nan_to_num(log_gain)
+        log_gain = 0.5 * (log_gain[:, before] + log_gain[:, after])
+        factor = self.spectrum(person_priors).covariance_factor(inflation[:, None], log_gain, leverage)
         return factor[..., None, None]
 
     def _persistent_covariance(

@@ -90,6 +90,22 @@ def test_regions_are_valid_under_correlated_errors(correlation_s):
     assert np.mean(errors) < {0.1: 0.565, 0.25: 0.735}[correlation_s]
 
 
+@pytest.mark.parametrize("frames", [4, 8, 15, 60])
+def test_few_frames_with_correlated_errors_have_valid_regions(frames):
+    """The ends of a path, and short paths, are as certain as the point of a single frame, not many times less."""
+    ratio, squared = [], []
+    for seed in range(8):
+        truth = swinging(220)[20 * seed : 20 * seed + frames]
+        measurements = measured(truth, pixels=exact_pixels(ring(4), truth) + lasting(truth, 0.1, seed))
+        layer = solved(measurements, None, TrajectoryOptions(correlation_s=0.1))
+        offset = np.asarray(layer.points_m)[:, 0] - truth
+        own, single = (unpack_covariance(np.asarray(each.covariance_m2))[:, 0] for each in (layer, measurements.layer))
+        ratio.append(np.trace(own, axis1=-2, axis2=-1) / np.trace(single, axis1=-2, axis2=-1))
+        squared.append(np.einsum("fki,fkij,fkj->fk", offset, np.linalg.inv(own), offset)[[0, -1]])
+    assert np.mean(ratio, axis=(0, 2)).max() < 1.25
+    assert 0.6 < np.mean(squared) / 3.0 < 1.6
+
+
 def lasting(points_m: np.ndarray, correlation_s: float, seed: int) -> np.ndarray:
     """Return errors of 2 px with a correlation time, shape (frame, view, keypoint, 2)."""
     white = np.random.default_rng(seed).standard_normal((len(points_m), 4, points_m.shape[1], 2))
