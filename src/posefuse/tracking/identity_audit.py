@@ -21,7 +21,7 @@ from posefuse.tracking.strategy import FrameOutcome
 from posefuse.tracking.track_initiation import fit_body
 from posefuse.tracking.track_set import TrackSet
 
-_MAX_OBSERVATIONS = 100
+MAX_OBSERVATIONS = 100
 """Number of observations kept per person, which bounds the memory."""
 
 Contacts = dict[tuple[str, str], "Contact"]
@@ -138,7 +138,7 @@ def observe_separated(contacts: Contacts, tracks: TrackSet, outcome: FrameOutcom
     for p, track in enumerate(tracks.tracks):
         if outcome.supported[p].sum() > 1:
             points = projected.points_m[p], projected.covariance_m2[p]
-            observation = _track_observation(outcome, p, *points, tracks.state.root[p].copy(), settings)
+            observation = track_observation(outcome, p, *points, tracks.state.root[p].copy(), settings)
             add_observation(contacts, track.name, observation, settings.options.identity_audit)
 
 
@@ -146,13 +146,13 @@ def add_observation(contacts: Contacts, name: str, observation: Observation, opt
     """Add an observation of a person to the contacts from which the person is separated."""
     for contact in contacts.values():
         if name in contact.names and np.isfinite(contact.separated_at_s):
-            earlier = contact.observations.setdefault(name, deque(maxlen=_MAX_OBSERVATIONS))
+            earlier = contact.observations.setdefault(name, deque(maxlen=MAX_OBSERVATIONS))
             # Errors of consecutive frames are correlated.
             if not earlier or observation.time_s - earlier[-1].time_s > options.min_interval_s:
                 earlier.append(observation)
 
 
-def _track_observation(
+def track_observation(
     outcome: FrameOutcome,
     p: int,
     points_m: np.ndarray,
@@ -160,7 +160,16 @@ def _track_observation(
     root_m: np.ndarray,
     settings: TrackerSettings,
 ) -> Observation:
-    """Return what the frame shows of a tracked person."""
+    """Return what a frame shows of a tracked person.
+
+    Args:
+        outcome: Outcome of the frame.
+        p: Index of the track.
+        points_m: shape (keypoint, 3): points of its body.
+        covariance_m2: shape (keypoint, 6).
+        root_m: shape (3,): position.
+        settings: Settings of the tracker.
+    """
     shape, frame, rows = (len(settings.rig), len(settings.skeleton)), outcome.frame, outcome.rows[p]
     pixels, confidence = np.full((*shape, 2), np.nan), np.full(shape, np.nan)
     for v in np.flatnonzero(rows >= 0):
@@ -196,7 +205,7 @@ def audit_identities(
         if n_frames < options.min_frames:
             results.append(AuditResult(pair, swap=False, is_clear=False, log_odds=0.0, since_s=contact.separated_at_s))
             continue
-        fitted = [fit_body(_subsample(contact.observations[name], options.frames), settings)[0] for name in pair]
+        fitted = [fit_body(subsample(contact.observations[name], options.frames), settings)[0] for name in pair]
         p, q = (index[name] for name in pair)
         same = _log_odds(tracks, state, p, fitted[0], settings) + _log_odds(tracks, state, q, fitted[1], settings)
         swapped = _log_odds(tracks, state, p, fitted[1], settings) + _log_odds(tracks, state, q, fitted[0], settings)
@@ -206,8 +215,8 @@ def audit_identities(
     return results
 
 
-def _subsample(observations: deque[Observation], n_frames: int) -> list[Observation]:
-    """Return observations that are evenly spread, because their errors are less correlated."""
+def subsample(observations: deque[Observation], n_frames: int) -> list[Observation]:
+    """Return at most ``n_frames`` observations that are evenly spread, because their errors are less correlated."""
     count = len(observations)
     return [observations[int(i)] for i in np.linspace(0, count - 1, min(count, n_frames))]
 

@@ -8,6 +8,7 @@ from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.associate import Association, find_unassigned
 from posefuse.tracking.camera_monitor import CameraMonitor, is_occluded
+from posefuse.tracking.doubtful_identities import resolve_doubts, update_doubts
 from posefuse.tracking.identity_audit import (
     AuditResult,
     Contacts,
@@ -110,13 +111,20 @@ def manage(
     if s.options.identity_audit.enabled:
         audited, swaps = _audit(tracks, book.contacts, outcome, setup)
         events += audited
+    update_doubts(book.pool.doubts, tracks, outcome, s)
     points_m = prediction.projected.points_m[remaining]
     promoted = promote_tracks(tracks, book.pool, frame, association, outcome, points_m, rejected, setup)
     events += promoted.events
+    rows, used = promoted.rows, promoted.used
+    for each in resolve_doubts(book.pool.doubts, tracks, frame.time_s, s):
+        swaps.append(each.swap)
+        drop_contacts(book.contacts, each.names)
+        events.append(Event(frame.frame.number, frame.time_s, each.names[0], "identities_swapped", each.reason))
+    lost_again = len(tracks) - len(rows)
+    rows = np.concatenate([rows, np.full((lost_again, *rows.shape[1:]), -1)])
+    used = np.concatenate([used, np.zeros((lost_again, *used.shape[1:]), dtype=bool)])
     innovations = {number: each for number, each in update.innovations.items() if number not in promoted.restored}
-    return Management(
-        promoted.rows, promoted.used, innovations, tuple(events), promoted.past_states, tuple(swaps)
-    )  # fmt: skip
+    return Management(rows, used, innovations, tuple(events), promoted.past_states, tuple(swaps))
 
 
 def _update_lifecycle(

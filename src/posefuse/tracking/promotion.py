@@ -10,6 +10,7 @@ from posefuse.model.tracks import TrackState
 from posefuse.tracking.associate import Association, find_unassigned
 from posefuse.tracking.body_states import ProjectedBodies, join_states, select_states
 from posefuse.tracking.camera_monitor import missing_views
+from posefuse.tracking.doubtful_identities import Doubts, add_candidate, begin_doubt
 from posefuse.tracking.frame_clock import TIME_TOLERANCE_S
 from posefuse.tracking.lifecycle import LifecycleThresholds, new_track, restore_track
 from posefuse.tracking.predict import FrameInput
@@ -95,13 +96,13 @@ def promote_tracks(
         promotion = None
         figures = setup.strategy.initiation.figures
         if is_confirmed(each, frame.time_s, score.promotion_score(s), min_age_s, figures, s):
-            promotion = _promote(each, tracks, frame, single_view, setup)
+            promotion = _promote(each, tracks, frame, single_view, pool.doubts, setup)
         if promotion is not None:
             promoted.append(promotion)
         else:
             waiting.append((each, is_expired(each, frame.time_s, min_age_s, s)))
     shown = [each for each, _ in waiting if each.observations[-1].time_s == frame.time_s]
-    reacquired = _reacquire_lost(tracks, shown, frame, setup)
+    reacquired = _reacquire_lost(tracks, shown, frame, pool.doubts, setup)
     promoted += reacquired
     pool.tracks = [
         each
@@ -181,7 +182,12 @@ def _propose_new_people(
 
 
 def _promote(
-    tentative: TentativeTrack, tracks: TrackSet, frame: FrameInput, single_view: dict[int, int], setup: TrackerSetup
+    tentative: TentativeTrack,
+    tracks: TrackSet,
+    frame: FrameInput,
+    single_view: dict[int, int],
+    doubts: Doubts,
+    setup: TrackerSetup,
 ) -> _Promotion | None:
     """Confirm a tentative track under a new name, or under that of a lost track.
 
@@ -190,6 +196,7 @@ def _promote(
         tracks: Updated in place: confirmed tracks.
         frame: The frame.
         single_view: From :func:`_single_view_detections`.
+        doubts: Updated in place: doubtful identities.
         setup: Setup of the tracker.
 
     Returns:
@@ -213,6 +220,7 @@ def _promote(
     events: list[tuple[EventKind, str]] = []
     if lost is not None:
         p = lost.track
+        begin_doubt(doubts, tracks, lost, tentative.observations[0], s)
         restore_track(tracks.state, p, state, s)
         tracks.reset_history(p, s)
         events.append(("reidentified", lost.reason))
@@ -224,6 +232,7 @@ def _promote(
         tracks.n_created += 1
         p = len(tracks)
         tracks.append(new_track(tracks.n_created, frame.time_s, thresholds), state, s)
+        add_candidate(doubts, tracks.n_created, state, tentative.observations, s)
         events.append(("confirmed", f"seen by {last.n_views} cameras with an error of {error:.1f} sigma"))
     track = _activate(tracks.tracks[p], last, frame, setup)
     return _Promotion(p, track.number, track.name, past, last, events, lost is not None)
@@ -238,7 +247,7 @@ def _activate(track: Track, last: Observation, frame: FrameInput, setup: Tracker
 
 
 def _reacquire_lost(
-    tracks: TrackSet, tentative: list[TentativeTrack], frame: FrameInput, setup: TrackerSetup
+    tracks: TrackSet, tentative: list[TentativeTrack], frame: FrameInput, doubts: Doubts, setup: TrackerSetup
 ) -> list[_Promotion]:
     """Re-acquire lost tracks by proposals of this frame, without the confirmation of a new track.
 
@@ -246,6 +255,7 @@ def _reacquire_lost(
         tracks: Updated in place: confirmed tracks.
         tentative: Tentative tracks that a proposal of this frame started or continued.
         frame: The frame.
+        doubts: Updated in place: doubtful identities.
         setup: Setup of the tracker.
     """
     s, reacquired = setup.settings, []
@@ -257,6 +267,7 @@ def _reacquire_lost(
         last = found.observations[-1]
         if not error <= s.options.initiation.max_error_sigma or _is_occupied(state, tracks, setup):
             continue
+        begin_doubt(doubts, tracks, match, found.observations[0], s)
         restore_track(tracks.state, match.track, state, s)
         tracks.reset_history(match.track, s)
         track = _activate(tracks.tracks[match.track], last, frame, setup)

@@ -32,9 +32,9 @@ def find_reacquired_tracks(
     """
     options = settings.options.reidentification
     lost = [p for p, track in enumerate(tracks) if track.state == TrackState.LOST]
-    odds = np.full((len(lost), len(tentative)), -math.inf)
+    odds, near = np.full((2, len(lost), len(tentative)), -math.inf)
     for j, each in enumerate(tentative):
-        odds[:, j] = _log_odds(tracks, state, lost, each, settings)
+        odds[:, j], near[:, j] = _log_odds(tracks, state, lost, each, settings)
     found: list[tuple[Reidentification, TentativeTrack]] = []
     while odds.size and odds.max() > -math.inf:
         i, j = np.unravel_index(int(odds.argmax()), odds.shape)
@@ -45,20 +45,20 @@ def find_reacquired_tracks(
         odds[i] = -math.inf
         missing_s = tentative[j].observations[-1].time_s - tracks[lost[i]].last_seen_s
         reason = f"log odds {best:.1f} of the same person after {missing_s:.2f} s"
-        found.append((Reidentification(lost[i], reason), tentative[j]))
+        found.append((Reidentification(lost[i], reason, position=float(near[i, j])), tentative[j]))
     return found
 
 
 def _log_odds(
     tracks: list[Track], state: State, lost: list[int], tentative: TentativeTrack, settings: TrackerSettings
-) -> np.ndarray:
-    """Return the log odds that a tentative track shows each lost person, shape (lost,); -inf where they do not suffice.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the log odds that a tentative track shows each lost person, and those of the position, shape (lost,) each.
 
-    The log odds of the proposals count, too, because they may be false.
+    They are -inf where they do not suffice. The log odds of the proposals count, too, because they may be false.
     """
     options, last = settings.options.reidentification, tentative.observations[-1]
     fitted = fit_body([last], settings)[0]
-    odds = lost_log_odds(tracks, state, lost, fitted, last, settings)
+    odds, near = lost_log_odds(tracks, state, lost, fitted, last, settings)
     proposed = sum(each.log_odds for each in tentative.observations)
     enough = (odds >= options.min_log_odds) & (odds + proposed >= options.immediate_log_odds)
-    return np.where(enough, odds, -math.inf)
+    return np.where(enough, odds, -math.inf), near

@@ -1,5 +1,6 @@
 """Records of the tracker: tracks, their recent history, observations of new people, and the people of a frame."""
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -169,6 +170,40 @@ class TentativeTrack:
     observations: list[Observation]
     frames: int = 1
     score: float = 0.0
+
+
+@dataclass
+class Candidate:
+    """A track that may show a lost person.
+
+    Attributes:
+        since_s: Time just before the first observation, in seconds.
+        position: Log odds of the place where the person appeared.
+        observations: Recent observations.
+        next_check_s: Time of observation at which its bone lengths are compared next, in seconds.
+    """
+
+    since_s: float
+    position: float
+    observations: deque[Observation]
+    next_check_s: float
+
+
+@dataclass
+class DoubtfulIdentity:
+    """A lost person, and the tracks that may show the person.
+
+    Attributes:
+        number: Number of the track that has the person's name.
+        lost: The track as it was when it was lost.
+        state: State of its body alone, predicted since then.
+        candidates: By track number, the track with the name, and new tracks that appeared later.
+    """
+
+    number: int
+    lost: Track
+    state: State
+    candidates: dict[int, Candidate]
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,11 +31,13 @@ class Reidentification:
         track: Index of the track.
         reason: Reason, as a clause.
         doubt: What makes the identification uncertain; empty if it is certain.
+        position: Log odds of the position alone.
     """
 
     track: int
     reason: str
     doubt: str = ""
+    position: float = math.inf
 
 
 def find_lost_track(
@@ -68,7 +70,7 @@ def find_lost_track(
         for p, track in enumerate(tracks)
         if track.state == TrackState.LOST or time_s - track.last_seen_s > options.min_absence_share * (time_s - since_s)
     ]
-    odds = lost_log_odds(tracks, state, missing, fitted, observation, settings, closed)
+    odds, near = lost_log_odds(tracks, state, missing, fitted, observation, settings, closed)
     if not (odds > -math.inf).any():
         return None
     best = int(odds.argmax())
@@ -78,7 +80,7 @@ def find_lost_track(
     doubt = f"{tracks[others[0]].name} is equally likely" if others else ""
     absent_s = time_s - tracks[missing[best]].last_seen_s
     reason = f"log odds {odds[best]:.1f} of the same person after {absent_s:.1f} s"
-    return Reidentification(missing[best], reason, doubt)
+    return Reidentification(missing[best], reason, doubt, float(near[best]))
 
 
 def lost_log_odds(
@@ -89,8 +91,8 @@ def lost_log_odds(
     observation: Observation,
     settings: TrackerSettings,
     closed: bool = False,
-) -> np.ndarray:
-    """Return the log odds that an observation shows each lost person, and not a new one, shape (lost,).
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the log odds that an observation shows each lost person, and not a new one.
 
     They are -inf for people beyond reach. Some observations of lengths are outliers.
 
@@ -102,18 +104,22 @@ def lost_log_odds(
         observation: Detections of one person.
         settings: Settings of the tracker.
         closed: Whether no new identity is possible, so that no place is beyond reach.
+
+    Returns:
+        The log odds, and those of the position alone, shape (lost,) each.
     """
     share, tree = settings.options.reidentification.corrupt_share, settings.tree
     absent_s = np.array([observation.time_s - tracks[p].last_seen_s for p in lost])
-    odds = position_log_odds(select_states(state, lost), absent_s, fitted, settings, closed)
+    near = position_log_odds(select_states(state, lost), absent_s, fitted, settings, closed)
+    odds = near.copy()
     if not (odds > -math.inf).any():
-        return odds
+        return odds, near
     other = log_evidence(observation, tree.shape_m, tree.shape_covariance, settings)
     for i in np.flatnonzero(odds > -math.inf).tolist():
         own = log_evidence(observation, *person_lengths(tracks[lost[i]], state, lost[i], settings), settings)
         alike = own - other if math.isfinite(own) and math.isfinite(other) else 0.0
         odds[i] += np.logaddexp(alike + math.log(1.0 - share), math.log(share))
-    return odds
+    return odds, near
 
 
 def position_log_odds(
@@ -160,7 +166,14 @@ def population_is_known(tracks: list[Track], settings: TrackerSettings) -> bool:
 
 
 def same_body_log_odds(
-    settings: TrackerSettings, track: Track, state: State, index: int, fitted: State, observed_s: float
+    settings: TrackerSettings,
+    track: Track,
+    state: State,
+    index: int,
+    fitted: State,
+    observed_s: float,
+    error_factor: float = 1.0,
+    floor_factor: float = 1.0,
 ) -> float:
     """Return the log likelihood ratio of measured bone lengths: this person's against any person's.
 
@@ -171,17 +184,19 @@ def same_body_log_odds(
         index: Index of the track.
         fitted: State of one body, fitted without a prior from the track.
         observed_s: Time for which that body was observed, in seconds.
+        error_factor: Factor on the covariances of the measured lengths.
+        floor_factor: Factor on the standard deviations of lengths between observations.
     """
     tree, options = settings.tree, settings.options
     n, h = tree.n_pose, tree.n_shape
     known = track.known_shape or (state.shape[index], state.covariance[index, n : n + h, n : n + h])
     # Each observation places the joints differently, so lengths differ systematically between observations.
     share, offset_m = options.reidentification.length_sd_share, options.reidentification.length_sd_m
-    floor = 0.5 * np.diag((share * np.abs(tree.shape_m) + offset_m) ** 2)
+    floor = 0.5 * np.diag((floor_factor * (share * np.abs(tree.shape_m) + offset_m)) ** 2)
     theirs, error = measured_lengths(tree, *known)
-    error = correlation_factor(track.shape_observed_s, options) * error + floor
+    error = error_factor * correlation_factor(track.shape_observed_s, options) * error + floor
     new, new_error = measured_lengths(tree, fitted.shape[0], fitted.covariance[0, n : n + h, n : n + h])
-    new_error = correlation_factor(observed_s, options) * new_error + floor
+    new_error = error_factor * correlation_factor(observed_s, options) * new_error + floor
     gain = np.linalg.solve(tree.shape_covariance + error, tree.shape_covariance).T
     left = tree.shape_covariance - gain @ tree.shape_covariance
     return _log_normal(new - gain @ theirs, left + new_error) - _log_normal(new, tree.shape_covariance + new_error)

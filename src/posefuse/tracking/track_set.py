@@ -8,7 +8,7 @@ from posefuse.kernels.tracking.predict import predict_people
 from posefuse.kernels.tracking.records import State
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.body_states import ProjectedBodies, empty_state, join_states, select_states
-from posefuse.tracking.records import RecentHistory, TentativeTrack, Track
+from posefuse.tracking.records import DoubtfulIdentity, RecentHistory, TentativeTrack, Track
 from posefuse.tracking.settings import TrackerSettings
 
 
@@ -80,12 +80,14 @@ class TrackSet:
 
 @dataclass(eq=False)
 class TentativePool:
-    """Tracks that are not confirmed yet.
+    """Tracks that are not confirmed yet, and identities that may be wrong.
 
     Attributes:
         tracks: The tentative tracks.
         n_created: Number of tentative tracks created so far.
+        doubts: Doubtful identities by the name of the lost person.
     """
 
     tracks: list[TentativeTrack] = field(default_factory=list)
     n_created: int = 0
+    doubts: dict[str, DoubtfulIdentity] = field(default_factory=dict)
