@@ -16,7 +16,7 @@ from posefuse.tracking.lifecycle import LifecycleThresholds, new_track, restore_
 from posefuse.tracking.predict import FrameInput
 from posefuse.tracking.records import Observation, PastState, TentativeTrack, Track
 from posefuse.tracking.reidentification import Reidentification, population_is_known
-from posefuse.tracking.strategy import FrameOutcome, TrackerSetup
+from posefuse.tracking.strategy import FrameOutcome, Propose, TrackerSetup
 from posefuse.tracking.track_initiation import (
     continue_tentative,
     is_confirmed,
@@ -84,7 +84,8 @@ def promote_tracks(
     single_view = _single_view_detections(tracks, outcome, setup)
     free = find_unassigned(frame.frame, outcome.rows, association.explained, rejected)
     free[list(single_view)] = True
-    observations = _propose_new_people(tracks, frame, free, predicted_points_m, rejected, setup)
+    observations = _propose_new_people(tracks, frame, free, predicted_points_m, rejected, setup, setup.propose_new)
+    expected = _propose_expected(tracks, frame, free, predicted_points_m, rejected, setup, observations)
     distance = setup.strategy.distance
     for each in continue_tentative(pool.tracks, observations, lambda a, b: distance.distance(a, b, s)):
         pool.n_created += 1
@@ -102,7 +103,7 @@ def promote_tracks(
         else:
             waiting.append((each, is_expired(each, frame.time_s, min_age_s, s)))
     shown = [each for each, _ in waiting if each.observations[-1].time_s == frame.time_s]
-    reacquired = _reacquire_lost(tracks, shown, frame, pool.doubts, setup)
+    reacquired = _reacquire_lost(tracks, [*shown, *expected], frame, pool.doubts, setup)
     promoted += reacquired
     pool.tracks = [
         each
@@ -160,6 +161,7 @@ def _propose_new_people(
     predicted_points_m: np.ndarray,
     rejected: np.ndarray,
     setup: TrackerSetup,
+    propose: Propose,
 ) -> list[Observation]:
     """Return the people whom unassigned detections show, without those who are tracked already."""
     s, detections, active = setup.settings, frame.frame, tracks.active
@@ -167,7 +169,7 @@ def _propose_new_people(
     if not len(views) or views[0] == views[-1]:
         return []
     known, options = predicted_points_m[active], s.options.initiation
-    proposals = setup.propose_new(detections, free)
+    proposals = propose(detections, free)
     observations = []
     for i in range(len(proposals)):
         distance = np.linalg.norm(known - proposals.points_m[i], axis=-1)
@@ -179,6 +181,25 @@ def _propose_new_people(
             observation = replace(observation, n_silent=int(missing.sum()))
         observations.append(observation)
     return setup.strategy.distance.merge(observations, s)
+
+
+def _propose_expected(
+    tracks: TrackSet,
+    frame: FrameInput,
+    free: np.ndarray,
+    predicted_points_m: np.ndarray,
+    rejected: np.ndarray,
+    setup: TrackerSetup,
+    observations: list[Observation],
+) -> list[TentativeTrack]:
+    """Return the people whom the remaining detections show if lost people are expected to return."""
+    if setup.propose_lost is setup.propose_new or not tracks.is_in_state(TrackState.LOST).any():
+        return []
+    free = free.copy()
+    for each in observations:
+        free[each.rows[each.rows >= 0]] = False
+    found = _propose_new_people(tracks, frame, free, predicted_points_m, rejected, setup, setup.propose_lost)
+    return [TentativeTrack(0, [each]) for each in found]
 
 
 def _promote(

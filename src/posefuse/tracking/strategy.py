@@ -280,9 +280,11 @@ class TrackerSetup:
         strategy: Exchangeable components.
         propose: Function that proposes people from unassigned detections.
         propose_new: The same for people who are not tracked yet.
+        propose_lost: The same for people who are expected, because their tracks were lost.
     """
 
     settings: TrackerSettings
     strategy: Strategy
     propose: Propose
     propose_new: Propose
+    propose_lost: Propose

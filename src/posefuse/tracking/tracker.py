@@ -28,6 +28,7 @@ class ArticulatedTracker:
         propose: Function that proposes people from unassigned detections.
         strategy: Exchangeable components; by default those of the strategy that the options name.
         propose_new: Function that proposes people who are not tracked yet; by default ``propose``.
+        propose_lost: Function that proposes people whose tracks were lost; by default ``propose_new``.
 
     Raises:
         OptionsError: If an option of the strategy does not fit the skeleton.
@@ -39,10 +40,12 @@ class ArticulatedTracker:
         propose: Propose,
         strategy: Strategy | None = None,
         propose_new: Propose | None = None,
+        propose_lost: Propose | None = None,
     ) -> None:
         strategy = strategy or find_strategy(settings.options.strategy)
         settings = strategy.configure(settings)
-        self.setup = TrackerSetup(settings, strategy, propose, propose_new or propose)
+        propose_new = propose_new or propose
+        self.setup = TrackerSetup(settings, strategy, propose, propose_new, propose_lost or propose_new)
         self.confirmed = TrackSet.empty(settings)
         """Confirmed tracks with their states."""
         self.book = Bookkeeping.new(len(settings.rig))

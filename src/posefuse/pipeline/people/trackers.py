@@ -22,6 +22,8 @@ from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.tracker import ArticulatedTracker
 from posefuse.tracking.unknown_bodies import measured_tree
 
+_EXPECTED_LOG_ODDS = 3.0
+"""Log odds by which a lost person is expected more than a new one: few detections of an occluded body suffice."""
 _MAX_VARIATION = 0.03
 """Largest relative variation of a distance that may connect parts of a body that no edge connects."""
 
@@ -82,7 +84,10 @@ def tracker_of(rig: CameraRig, skeleton: Skeleton, noise: NoiseModel, options: O
     propose = partial(propose_people, rig, noise, skeleton, options)
     specification = settings.options.specification
     if options.tracker.strategy != "specification" or not specification.pair_proposals:
-        return ArticulatedTracker(settings, propose)
+        association = options.association
+        expected = replace(association, prior_log_odds=association.prior_log_odds + _EXPECTED_LOG_ODDS)
+        propose_lost = partial(propose_people, rig, noise, skeleton, replace(options, association=expected))
+        return ArticulatedTracker(settings, propose, propose_lost=propose_lost)
     propose_new = partial(propose_by_energy, rig, noise, skeleton, options.association, specification)
     return ArticulatedTracker(settings, propose, propose_new=propose_new)
 
