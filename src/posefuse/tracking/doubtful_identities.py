@@ -32,6 +32,8 @@ _ERROR_FACTOR, _FLOOR_FACTOR = 4.0, 0.5
 
 The error of a person's size is 1.8 % after 1.2 s and 1.4 % after 2.4 s in simulated rooms, because errors of detectors
 persist; errors of single bones average out."""
+_MIN_ADVANTAGE = 2.0
+"""Difference of log odds from which a person who appeared later receives the name."""
 _MIN_VIEWS = 3
 """Number of views of an observation that counts: two views make the freely fitted body too large."""
 
@@ -140,7 +142,7 @@ def resolve_doubts(doubts: Doubts, tracks: TrackSet, time_s: float, settings: Tr
         time_s: Time of the frame, in seconds.
         settings: Settings of the tracker.
     """
-    corrections, options = [], settings.options.reidentification
+    corrections: list[Correction] = []
     for name, each in list(doubts.items()):
         if not _is_due(each, time_s, settings):
             continue
@@ -153,9 +155,9 @@ def resolve_doubts(doubts: Doubts, tracks: TrackSet, time_s: float, settings: Tr
         if each.number not in odds:
             continue
         own, best = odds[each.number], max(odds, key=lambda number: odds[number])
-        if odds[best] - own > options.ambiguity_log_odds:
+        if odds[best] - own > _MIN_ADVANTAGE:
             reason = f"its place and its bone lengths fit {name} less, log odds {own - odds[best]:.1f}"
-        elif own < options.min_log_odds:
+        elif own < 0.0:
             best, reason = 0, f"its place and its bone lengths are not those of {name}, log odds {own:.1f}"
         else:
             continue
