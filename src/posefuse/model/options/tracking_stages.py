@@ -210,7 +210,7 @@ class ReidentificationOptions:
             the time for which the new person was visible.
     """
 
-    min_log_odds: float = option(-1.0)
+    min_log_odds: float = option(-0.5)
     immediate_log_odds: float = option(2.0)
     ambiguity_log_odds: float = option(1.0, at_least=0.0)
     corrupt_share: float = option(0.02, above=0.0, below=1.0)
