@@ -180,7 +180,7 @@ def distribution(values: np.ndarray) -> Distribution:
 def layer_origin(result: Reconstruction, layer: str) -> str:
     """Return how the points of a layer were computed, as a phrase."""
     if layer == "model":
-        return "bodies fitted to the 2D detections, independent of the triangulation method"
+        return "bodies fitted to the 2D detections"
     method = result.options.triangulation.method
     if layer == "measured":
         return f"triangulated by {method}" if len(result.rig) > 1 else "from a single camera"

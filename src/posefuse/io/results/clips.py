@@ -158,7 +158,8 @@ def limitation_notes(result: Reconstruction, clip: Clip, gap_handling: str) -> I
     numbers, figure, presence = result.frame_numbers, clip.figure, clip.presence
     gaps = presence.gaps
     if gaps:
-        spans = ", ".join(f"{numbers[a]} to {numbers[b]}" for a, b in gaps[:_MAX_LISTED_GAPS])
+        listed = [(numbers[a], numbers[b]) for a, b in gaps[:_MAX_LISTED_GAPS]]
+        spans = ", ".join(f"{first}" if first == last else f"{first} to {last}" for first, last in listed)
         more = f" and {len(gaps) - _MAX_LISTED_GAPS} more" if len(gaps) > _MAX_LISTED_GAPS else ""
         yield f"{figure.person} is absent in frames {spans}{more}: {gap_handling}."
     if presence.held:

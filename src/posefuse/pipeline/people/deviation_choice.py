@@ -99,8 +99,9 @@ def describe_deviations(skeleton: Skeleton, sd_m: np.ndarray) -> str:
         return ""
     most = free[np.argsort(-sd_m[free], kind="stable")][:_MAX_NAMED]
     named = ", ".join(f"{skeleton.keypoints[k]} {1000.0 * sd_m[k]:.3g}" for k in most)
+    verb = "deviates" if len(free) == 1 else "deviate"
     return (
-        f"In the model layer, {len(free)} of {len(skeleton)} keypoints deviate from the fitted bodies, because this "
+        f"In the model layer, {len(free)} of {len(skeleton)} keypoints {verb} from the fitted bodies, because this "
         f"predicts left-out views better. The largest standard deviations in mm: {named}."
     )
 

@@ -74,6 +74,11 @@ class TestBvh:
             0.01 * actual.places()[:, joints], points_in_file_axes(result)[:, keypoints], atol=BVH_M
         )
 
+    def test_absence_in_a_single_frame_names_this_frame(self, tmp_path):
+        result = posed(away=(slice(10, 11), slice(20, 22)))
+        (note,) = bvh.write(result, "person_1", tmp_path / "a.bvh")
+        assert note.startswith("person_1 is absent in frames 110, 120 to 121: BVH")
+
     def test_absence_holds_the_last_pose_with_a_note(self, tmp_path):
         result = posed(away=(slice(0, 3), slice(10, 14), slice(28, 30)))
         notes = bvh.write(result, "person_1", tmp_path / "a.bvh")

@@ -72,3 +72,9 @@ def test_too_little_evidence_chooses_nothing(rng):
     hidden = [replace(each, pixels=np.full_like(each.pixels, np.nan)) for each in samples]
     assert not sds_of(hidden).any()
     assert describe_deviations(SKELETON, np.zeros(len(SKELETON))) == ""
+
+
+def test_one_keypoint_that_deviates_is_described_in_the_singular():
+    sds = np.zeros(len(SKELETON))
+    sds[3] = 0.02
+    assert "1 of 17 keypoints deviates from" in describe_deviations(SKELETON, sds)
