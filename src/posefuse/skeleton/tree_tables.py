@@ -18,6 +18,8 @@ A tree is the table ``[tree]`` of a skeleton's TOML, or one of the files in ``bo
   how far it has turned about that line.
 * ``spread``, ``size_spread``: relative variation of lengths between people, each and all together.
 * ``size_m``: body size, default 1.75; lengths in options refer to an adult human and are scaled.
+* ``offset_factor``: distance between keypoints and the joints of the body, relative to a human of the same size;
+  default 1, more where skin slides.
 * ``least_sd_m``: smallest variation of a point's coordinates between people, default 0.015 for an adult.
 * ``parts``: files of ``bodies/`` with separately tracked parts, see :mod:`posefuse.skeleton.parts`.
 
@@ -28,6 +30,7 @@ right. A table with ``size_m`` only turns the edges of the skeleton into a tree 
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -37,7 +40,7 @@ from posefuse.skeleton.tree_builder import TreeBuilder
 from posefuse.skeleton.trees import ADULT_M, Tree
 
 _TABLES = ("segments", "points", "bones", "hinges", "cones", "twists")
-_NUMBERS = ("spread", "size_spread", "size_m", "least_sd_m")
+_NUMBERS = ("spread", "size_spread", "size_m", "least_sd_m", "offset_factor")
 _ROWS = {
     "points": "[segment or point, forward, left, up]",
     "bones": "[point, length] or [point, length, [forward, left, up]]",
@@ -80,7 +83,8 @@ def parse_tree(table: Mapping[str, Any], keypoints: Sequence[str], partner: Mapp
     size_m = float(table.get("size_m", ADULT_M))
     spreads = float(table.get("spread", _SPREAD)), float(table.get("size_spread", _SIZE_SPREAD))
     least_sd_m = float(table.get("least_sd_m", _LEAST_SD * size_m / ADULT_M))
-    return builder.finish(keypoints, limits, spreads, least_sd_m, size_m)
+    tree = builder.finish(keypoints, limits, spreads, least_sd_m, size_m)
+    return replace(tree, offset_factor=float(table.get("offset_factor", 1.0)))
 
 
 def _check_tables(table: Mapping[str, Any], skeleton: str) -> None:

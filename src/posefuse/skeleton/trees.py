@@ -86,6 +86,7 @@ class Tree(PickledByFields):
         keypoint_nodes: shape (keypoint,), int64: node of each keypoint of the skeleton, -1 without one.
         rest: shape (bone, 3): rest directions, in the axes of the root.
         size_m: body size in meters.
+        offset_factor: distance between keypoints and the joints of the body, relative to a human of the same size.
     """
 
     segments: tuple[str, ...]
@@ -98,6 +99,7 @@ class Tree(PickledByFields):
     keypoint_nodes: np.ndarray
     rest: np.ndarray
     size_m: float = ADULT_M
+    offset_factor: float = 1.0
 
     @property
     def scale(self) -> float:

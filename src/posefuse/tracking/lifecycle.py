@@ -19,10 +19,14 @@ from posefuse.tracking.body_states import (
 )
 from posefuse.tracking.bone_lengths import LengthMonitor, is_check_due, measure_lengths, reopen_shape
 from posefuse.tracking.frame_clock import TIME_TOLERANCE_S
+from posefuse.tracking.pooled_lengths import PooledLengths
 from posefuse.tracking.records import Track
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.strategy import FrameOutcome
 from posefuse.tracking.tempering import update_lengths
+
+_MAX_REFINED_SIGMA = 2.0
+"""Bias of the recent comparisons, in standard deviations, beyond which fixed lengths are not refined."""
 
 
 class LifecycleThresholds(NamedTuple):
@@ -179,7 +183,8 @@ def fix_shape(track: Track, state: State, p: int, time_s: float, dt_s: float, se
     """
     if track.lengths.to_reopen is not None and track.known_shape is not None:
         reopen_shape(state, p, track.known_shape[1], track.lengths, settings)
-        track.known_shape, track.shape_observed_s, track.lengths = None, 0.0, LengthMonitor()
+        track.known_shape, track.shape_observed_s = None, 0.0
+        track.lengths, track.pooled = LengthMonitor(), PooledLengths()
         return
     if track.state != TrackState.ACTIVE or not state.free[p]:
         return
@@ -197,8 +202,20 @@ def _fix_shape(track: Track, state: State, p: int, settings: TrackerSettings) ->
     fix_shape_covariance(state, p, settings.tree.n_pose, settings.tree.n_shape)
 
 
+def _refine_shape(track: Track, state: State, p: int, settings: TrackerSettings) -> None:
+    """Take fixed lengths from all comparisons with the views, unless the recent ones contradict those in use."""
+    if track.known_shape is None or track.lengths.to_reopen is not None or not track.pooled.is_due:
+        return
+    # Where some comparisons were biased, lengths between them and the others would hide the bias.
+    if (np.abs(track.lengths.bias_sigma(state.shape[p], settings)) > _MAX_REFINED_SIGMA).any():
+        return
+    lengths_m = track.pooled.take_m(settings.tree)
+    state.shape[p] = lengths_m
+    track.known_shape = (lengths_m, track.known_shape[1])
+
+
 def check_lengths(tracks: list[Track], state: State, outcome: FrameOutcome, settings: TrackerSettings) -> list[Event]:
-    """Compare the bone lengths of all bodies with the views from time to time, and note biased ones.
+    """Compare the bone lengths of all bodies with the views from time to time, refine fixed ones, and note biased ones.
 
     Lengths that are still estimated are fixed first: the smoother takes the lengths before and after a frame in which
     they are fixed for different ones.
@@ -229,8 +246,10 @@ def check_lengths(tracks: list[Track], state: State, outcome: FrameOutcome, sett
     for each, p in zip(shown, bodies, strict=True):
         track = tracks[p]
         track.lengths.add(each)
+        track.pooled.add(each, settings.options.smoother_error_memory_s)
         biased = None if track.lengths.to_reopen is not None else track.lengths.find_biased(state.shape[p], settings)
         if biased is None:
+            _refine_shape(track, state, p, settings)
             continue
         if state.free[p]:
             _fix_shape(track, state, p, settings)
@@ -267,7 +286,7 @@ def restore_track(state: State, p: int, fitted: State, settings: TrackerSettings
 
 def swap_identities(tracks: list[Track], state: State, p: int, q: int) -> None:
     """Swap the names and the bone lengths of two tracks; the poses stay."""
-    for name in ("name", "known_shape", "shape_observed_s"):
+    for name in ("name", "known_shape", "shape_observed_s", "pooled"):
         mine, theirs = getattr(tracks[p], name), getattr(tracks[q], name)
         setattr(tracks[p], name, theirs)
         setattr(tracks[q], name, mine)

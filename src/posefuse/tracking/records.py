@@ -12,6 +12,7 @@ from posefuse.kernels.tracking.records import State
 from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.bone_lengths import LengthMonitor
+from posefuse.tracking.pooled_lengths import PooledLengths
 
 
 @dataclass
@@ -32,6 +33,7 @@ class Track:
         established: Whether the views have shown enough to rule out a coincidence of two false detections.
         known_shape: Bone lengths and their covariance before the lengths were fixed; None while they are estimated.
         lengths: Recent comparisons of the bone lengths with the views.
+        pooled: All comparisons since the estimate of the bone lengths began.
     """
 
     number: int
@@ -46,6 +48,7 @@ class Track:
     established: bool = False
     known_shape: tuple[np.ndarray, np.ndarray] | None = None
     lengths: LengthMonitor = field(default_factory=LengthMonitor)
+    pooled: PooledLengths = field(default_factory=PooledLengths)
 
 
 class RecentHistory(NamedTuple):

@@ -86,7 +86,11 @@ class TrackerSettings(PickledByFields):
         options = options.in_proportion(tree.scale)
         # Half of the keypoints support a person if the skeleton has few.
         half = (int((tree.keypoint_nodes >= 0).sum()) + 1) // 2
-        options = replace(options, min_joints=min(options.min_joints, half))
+        options = replace(
+            options,
+            min_joints=min(options.min_joints, half),
+            model_floor_m=options.model_floor_m * tree.offset_factor,
+        )
         decay, power = motion_parameters(tree, options.motion)
         # The spread makes the filter expect the tails of accepted errors as well.
         cameras = rig.packed.array

@@ -89,7 +89,7 @@ def refilter(
     information = np.empty((frames, size, size))
     information[0] = 0.0
     dt_s = np.diff(time_s, prepend=time_s[:1])
-    changes = np.flatnonzero(np.diff(filtered.free) != 0) + 1
+    changes = _shape_changes(filtered)
     k = 1
     while k < frames:
         stop = next((int(each) for each in changes if each >= k), frames)
@@ -105,6 +105,13 @@ def refilter(
     return out, information
 
 
+def _shape_changes(filtered: State) -> np.ndarray:
+    """Return the indices of frames in which a shape becomes fixed or free, or a fixed shape changes, int64."""
+    same = filtered.free[1:] == filtered.free[:-1]
+    refined = (filtered.free[1:] == 0) & (filtered.shape[1:] != filtered.shape[:-1]).any(axis=1)
+    return np.flatnonzero(~same | refined) + 1
+
+
 @dataclass(frozen=True)
 class _FrameStep:
     """One frame to filter again: index, time since the last frame in seconds, share of the information, tempering."""
@@ -118,7 +125,7 @@ class _FrameStep:
 def _refilter_frame(
     filtered: State, step: _FrameStep, out: State, information: np.ndarray, settings: TrackerSettings
 ) -> None:
-    """Filter one frame again: where a shape becomes fixed or free, and where rounding matters.
+    """Filter one frame again: where a shape becomes fixed or free or a fixed one changes, and where rounding matters.
 
     A frame with a reinitialized limb loses information. No share of that can be applied, and it is not information of
     the frame, so the state is that of the filter.
@@ -197,6 +204,8 @@ def temper_next_state(
     was_free, is_free = bool(state.free[0]), bool(filtered.free[0])
     if was_free and not is_free:
         _fix_shape(now, filtered.shape[0])
+    elif not is_free:
+        now.shape[0] = filtered.shape[0]
     # The information is in the axes of the filter's bones, which differ from those of this state.
     turn = bone_axes(now, filtered, settings)[0]
     rows = free_columns(n, h, was_free and is_free)

@@ -6,6 +6,7 @@ import pytest
 from posefuse.kernels.tracking.projection import project_people
 from posefuse.kinematics.initial_pose import initial_state
 from posefuse.model.frames import Frame
+from posefuse.model.noise import NoiseModel
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.reconstruction import unpack_covariance
@@ -14,7 +15,7 @@ from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.body_states import ProjectedBodies
 from posefuse.tracking.records import Person
-from posefuse.tracking.settings import filter_memory_s, tempering_factor
+from posefuse.tracking.settings import TrackerSettings, filter_memory_s, tempering_factor
 from posefuse.tracking.tracker import ArticulatedTracker
 
 SKELETON = shipped_skeleton("body_20")
@@ -127,3 +128,10 @@ def test_posture_prior_reduces_the_distance_bias(monkeypatch: pytest.MonkeyPatch
         monkeypatch.setattr("posefuse.tracking.update.apply_posture_prior", lambda *_: None)
     results, untold = np.abs(np.mean(off_m, axis=1))
     assert results < 0.8 * untold
+
+
+def test_offsets_of_keypoints_follow_the_skeleton():
+    mouse = shipped_skeleton("mouse_22")
+    assert mouse.tree is not None
+    law = TrackerSettings.of(RIG, mouse, NoiseModel(np.full(len(RIG), 4.5), 1.0), TrackerOptions()).law
+    assert law.floor_m == pytest.approx(0.015 * mouse.tree.scale * 3.0)
