@@ -240,7 +240,7 @@ def measure_lengths(
     """
     tree, n, h = settings.tree, settings.tree.n_pose, settings.tree.n_shape
     bodies = len(state.root)
-    keypoints_px = _at_one_time(state, frame, time_s, rows, settings)
+    keypoints_px = keypoints_at_one_time(state, frame, time_s, rows, settings)
     wide = select_states(state, np.arange(bodies))
     wide.free[:] = 1
     wide.covariance[:] = _wide_covariance(tree, settings.options.motion)
@@ -279,12 +279,16 @@ def _misfits(
     view = np.tile(np.arange(views), bodies)
     noise = settings.variance_px2(confidence[row, label].reshape(-1, keypoints), view).reshape(labels.shape)
     squared = ((keypoints_px[row, label] - projected.pixels) ** 2).sum(axis=-1)
-    misfit = np.log1p(squared / (noise + (settings.law.floor_m * projected.px_per_m) ** 2) / nu) * nu / 2.0
+    # The scale of keypoints that the body lacks is undefined.
+    floor_px = settings.law.floor_m * np.where(shown, projected.px_per_m, 0.0)
+    misfit = np.log1p(squared / (noise + floor_px**2) / nu) * nu / 2.0
     counts = shown & np.isfinite(misfit)
     return np.where(counts, misfit, 0.0).sum(axis=(1, 2)) / np.maximum(counts.sum(axis=(1, 2)), 1)
 
 
-def _at_one_time(state: State, frame: Frame, time_s: float, rows: np.ndarray, settings: TrackerSettings) -> np.ndarray:
+def keypoints_at_one_time(
+    state: State, frame: Frame, time_s: float, rows: np.ndarray, settings: TrackerSettings
+) -> np.ndarray:
     """Return the detections moved to the time of the states by the velocities of the bodies, shape (row, keypoint, 2).
 
     Args:

@@ -18,9 +18,9 @@ from posefuse.kernels.tracking.predict import predict_people
 from posefuse.kernels.tracking.records import State
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.body_states import select_states
-from posefuse.tracking.history_entries import Entries
+from posefuse.tracking.history_entries import AssignedViews, Entries
 from posefuse.tracking.parts import PartTracker
-from posefuse.tracking.records import PastState, People, Person, Track, TrackedFrame
+from posefuse.tracking.records import AssignedKeypoints, PastState, People, Person, Track, TrackedFrame
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.tracker import ArticulatedTracker
 
@@ -42,6 +42,9 @@ class Run:
         used: shape (frame, view, keypoint), bool: keypoints that the update used.
         life: shape (frame,), int8: TENTATIVE before the track was confirmed, then ACTIVE or LOST.
         missing_s: shape (frame,): time since the last support, in seconds.
+        keypoints_px: shape (frame, view, node keypoint, 2), float32: assigned keypoints of the body, NaN where there is
+            none.
+        confidence: shape (frame, view, node keypoint), float32.
     """
 
     number: int
@@ -53,6 +56,8 @@ class Run:
     used: np.ndarray
     life: np.ndarray
     missing_s: np.ndarray
+    keypoints_px: np.ndarray
+    confidence: np.ndarray
 
     def __len__(self) -> int:
         return len(self.places)
@@ -63,12 +68,28 @@ class Run:
         return Run(
             self.number, self.places[to], self.time_s[to], self.fresh and start == 0,
             State(*(s[to] for s in self.state)), self.rows[to], self.used[to], self.life[to], self.missing_s[to],
+            self.keypoints_px[to], self.confidence[to],
         )  # fmt: skip
 
     def within(self, start: int, stop: int) -> "Run":
         """Return the frames from ``start`` to ``stop`` of the history."""
         first, last = np.searchsorted(self.places, (start, stop))
         return self.frames(int(first), int(last))
+
+
+@dataclass(frozen=True, eq=False)
+class Epoch:
+    """Frames in which the bone lengths of a track are the same.
+
+    Attributes:
+        start: Index of the first frame.
+        stop: Index after the last frame.
+        shape_m: shape (shape,): the lengths; None while they are estimated.
+    """
+
+    start: int
+    stop: int
+    shape_m: np.ndarray | None
 
 
 @dataclass(eq=False)
@@ -115,7 +136,7 @@ class History:
     """Recorder of a tracker's frames, which returns ranges of them.
 
     Frames are counted from 0 in the order in which they were added. Entries older than a few seconds are in a spool: a
-    body with 20 keypoints takes 14 kB per person and frame, or 1.2 GB per hour at 25 fps.
+    body with 20 keypoints takes 15 kB per person and frame, or 1.4 GB per hour at 25 fps.
 
     Args:
         settings: Settings of the tracker.
@@ -126,6 +147,8 @@ class History:
         self.settings = settings
         self.numbers = array("q")
         self.time_s = array("d")
+        self.epochs: dict[int, list[Epoch]] = {}
+        """By number of the track: ranges of frames in which its bone lengths are the same, in order."""
         self._blocks: list[_Block] = []
         self._recent: dict[int, dict[int, Entries]] = {}
         self._spool = spool or _TemporarySpool()
@@ -159,7 +182,8 @@ class History:
             fresh = past is not None
             if past:
                 fresh = not self._add_past(track.number, past, here)
-            self._put(track.number, _entry(here, fresh, tracker.state, p, person_of[track.name]))
+            seen = self._views(person_of[track.name], tracked.assigned, track.number)
+            self._put(track.number, _entry(here, fresh, tracker.state, p, seen, person_of[track.name]))
 
     def add_parts(self, tracker: PartTracker, tracks: list[Track], people: People) -> None:
         """Add the part tracks of a frame; this is the history of that part.
@@ -175,7 +199,8 @@ class History:
         here = self._next(people.number, people.time_s)
         numbers = {track.name: track.number for track in tracks}
         for p, (part, person) in enumerate(zip(tracker.tracks, tracker.people, strict=True)):
-            self._put(numbers[part.name], _entry(here, part.fresh, tracker.state, p, person))
+            seen = self._views(person, None, -1)
+            self._put(numbers[part.name], _entry(here, part.fresh, tracker.state, p, seen, person))
 
     def _next(self, number: int, time_s: float) -> int:
         """Start a frame and return its index in the history."""
@@ -206,26 +231,58 @@ class History:
             return False
         state, last_seen_s = select_states(by_place[min(by_place)].state, [0]), 0.0
         views, keypoints = len(s.rig), len(s.skeleton)
+        unseen = AssignedViews(
+            np.full(views, -1), np.zeros((views, keypoints), dtype=bool),
+            np.full((views, len(s.node_keypoints), 2), np.nan), np.full((views, len(s.node_keypoints)), np.nan),
+        )  # fmt: skip
         for place in range(min(by_place), here):
             each = by_place.get(place)
             if each is not None:
                 state, last_seen_s = select_states(each.state, [0]), self.time_s[place]
-                rows, used = each.rows, np.tile(each.rows[:, None] >= 0, (1, keypoints))
+                used = np.tile(each.rows[:, None] >= 0, (1, keypoints))
+                own = s.node_keypoints
+                seen = AssignedViews(each.rows, used, each.keypoints_px[:, own], each.confidence[:, own])
             else:
                 dt_s = np.array([self.time_s[place] - self.time_s[place - 1]])
                 predict_people(dt_s, s.motion, state)
-                rows, used = np.full(views, -1), np.zeros((views, keypoints), dtype=bool)
+                seen = unseen
             missing_s = self.time_s[place] - last_seen_s
             self._put(
                 number,
-                Entries.one(place, place == min(by_place), state, rows, used, TrackState.TENTATIVE, missing_s),
+                Entries.one(place, place == min(by_place), state, seen, TrackState.TENTATIVE, missing_s),
             )
         return True
 
+    def _views(self, person: Person, assigned: AssignedKeypoints | None, number: int) -> AssignedViews:
+        """Return what the views show of a person, the track with a number."""
+        own, (views, keypoints) = self.settings.node_keypoints, person.used.shape
+        pixels, confidence = np.full((views, keypoints, 2), np.nan), np.full((views, keypoints), np.nan)
+        if assigned is not None and number in assigned.numbers:
+            p = assigned.numbers.index(number)
+            view, keypoint = np.nonzero((assigned.rows[p, :, None] >= 0) & (assigned.labels[p] >= 0))
+            row, label = assigned.rows[p, view], assigned.labels[p, view, keypoint]
+            pixels[view, keypoint] = assigned.keypoints_px[row, label]
+            confidence[view, keypoint] = assigned.confidence[row, label]
+        return AssignedViews(person.rows, person.used, pixels[:, own], confidence[:, own])
+
     def _put(self, number: int, entry: Entries) -> None:
         place = int(entry.places[0])
+        self._extend_epoch(number, place, entry)
         block = next(block for block in reversed(self._blocks) if block.first <= place)
         block.entries.setdefault(number, {})[place] = entry
+
+    def _extend_epoch(self, number: int, place: int, entry: Entries) -> None:
+        """Add a frame to the last epoch of a track, or begin one if the track's lengths are reestimated or replaced."""
+        epochs, shape_m = self.epochs.setdefault(number, []), None if entry.free[0] else entry.shape[0]
+        if epochs:
+            last = epochs[-1]
+            reopened = shape_m is None and last.shape_m is not None
+            replaced = shape_m is not None and last.shape_m is not None and (shape_m != last.shape_m).any()
+            if not (reopened or replaced):
+                stop = max(last.stop, place + 1)
+                epochs[-1] = Epoch(min(last.start, place), stop, last.shape_m if shape_m is None else shape_m)
+                return
+        epochs.append(Epoch(place, place + 1, shape_m))
 
     def place(self, number: int) -> int:
         """Return the index of the frame with a number.
@@ -242,17 +299,23 @@ class History:
         """Return the index of the first frame after a time."""
         return bisect_right(self.time_s, time_s)
 
-    def runs(self, start: int, stop: int) -> list[Run]:
+    def runs(self, start: int, stop: int, only: int | None = None) -> list[Run]:
         """Return the runs of all tracks in the frames ``start`` to ``stop``, by track number, then by time.
 
         A track has several runs if it was interrupted, or if the filter was initialized again.
+
+        Args:
+            start: Index of the first frame.
+            stop: Index after the last frame.
+            only: Number of the only track to return; None for all.
         """
         found: dict[int, list[Entries]] = {}
         ends = [*(block.first for block in self._blocks[1:]), len(self.numbers)]
         for block, end in zip(self._blocks, ends, strict=True):
             if block.first < stop and end > start:
                 for number, entries in self._entries(block, start, stop).items():
-                    found.setdefault(number, []).append(entries)
+                    if only in (None, number):
+                        found.setdefault(number, []).append(entries)
         return [self._run(number, part) for number, parts in found.items() for part in Entries.joined(parts).unbroken()]
 
     def _entries(self, block: _Block, start: int, stop: int) -> dict[int, Entries]:
@@ -270,11 +333,11 @@ class History:
         places = entries.places
         return Run(
             number, places, np.array(self.time_s[places[0] : places[-1] + 1]), bool(entries.fresh[0]), entries.state,
-            entries.rows, entries.used, entries.life, entries.missing_s,
+            entries.rows, entries.used, entries.life, entries.missing_s, entries.keypoints_px, entries.confidence,
         )  # fmt: skip
 
 
-def _entry(place: int, fresh: bool, states: State, p: int, person: Person) -> Entries:
+def _entry(place: int, fresh: bool, states: State, p: int, seen: AssignedViews, person: Person) -> Entries:
     """Return the entry of one person in one frame."""
     state = State(*(each[p : p + 1] for each in states))
-    return Entries.one(place, fresh, state, person.rows, person.used, person.state, person.missing_s)
+    return Entries.one(place, fresh, state, seen, person.state, person.missing_s)

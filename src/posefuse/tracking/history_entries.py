@@ -12,6 +12,23 @@ from posefuse.model.tracks import TrackState
 
 
 @dataclass(frozen=True, eq=False)
+class AssignedViews:
+    """What the views show of one person in one frame.
+
+    Attributes:
+        rows: shape (view,), int64: assigned detections, -1 for none.
+        used: shape (view, keypoint), bool: keypoints that the update used.
+        keypoints_px: shape (view, node keypoint, 2): assigned keypoints of the body, NaN where there is none.
+        confidence: shape (view, node keypoint).
+    """
+
+    rows: np.ndarray
+    used: np.ndarray
+    keypoints_px: np.ndarray
+    confidence: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class Entries:
     """States of one track in some frames, in order.
 
@@ -22,6 +39,9 @@ class Entries:
         used: shape (frame, view, keypoint), bool: keypoints that the update used.
         life: shape (frame,), int8: :class:`TrackState`.
         missing_s: shape (frame,): time since the last support, in seconds.
+        keypoints_px: shape (frame, view, node keypoint, 2), float32: assigned keypoints of the body, NaN where there is
+            none.
+        confidence: shape (frame, view, node keypoint), float32.
         root: shape (frame, 3); this and the following fields are those of the State.
         turns: shape (frame, segment, 3, 3).
         bones: shape (frame, bone, 3, 3).
@@ -37,6 +57,8 @@ class Entries:
     used: np.ndarray
     life: np.ndarray
     missing_s: np.ndarray
+    keypoints_px: np.ndarray
+    confidence: np.ndarray
     root: np.ndarray
     turns: np.ndarray
     bones: np.ndarray
@@ -50,17 +72,17 @@ class Entries:
 
     @classmethod
     def one(
-        cls, place: int, fresh: bool, state: State, rows: np.ndarray, used: np.ndarray, life: TrackState,
-        missing_s: float,
-    ) -> "Entries":  # fmt: skip
+        cls, place: int, fresh: bool, state: State, seen: AssignedViews, life: TrackState, missing_s: float
+    ) -> "Entries":
         """Return the entry of one frame, with copies of the state of one person."""
         n, fixed = state.velocity.shape[1], 0 if state.free[0] else state.shape.shape[1]
         size = state.covariance.shape[1] - fixed
         triangle = np.empty(size * (size + 1) // 2)
         pack_triangle(state.covariance[0], n, fixed, triangle)
         return cls(
-            np.array([place]), np.array([fresh]), rows[None].copy(), used[None].copy(),
-            np.array([life], dtype=np.int8), np.array([missing_s]), state.root.copy(), state.turns.copy(),
+            np.array([place]), np.array([fresh]), seen.rows[None].copy(), seen.used[None].copy(),
+            np.array([life], dtype=np.int8), np.array([missing_s]), seen.keypoints_px[None].astype(np.float32),
+            seen.confidence[None].astype(np.float32), state.root.copy(), state.turns.copy(),
             state.bones.copy(), state.shape.copy(), state.velocity.copy(), state.free.copy(), triangle,
         )  # fmt: skip
 

@@ -218,12 +218,16 @@ class PastState:
         time_s: Time of the frame, in seconds.
         state: State of one person.
         rows: shape (view,), int64: detections of the frame, -1 for none.
+        keypoints_px: shape (view, keypoint, 2): detected keypoints with corrected sides, NaN where there is none.
+        confidence: shape (view, keypoint).
     """
 
     number: int
     time_s: float
     state: State
     rows: np.ndarray
+    keypoints_px: np.ndarray
+    confidence: np.ndarray
 
 
 @checked
@@ -288,6 +292,25 @@ class IdentitySwap:
 
 
 @dataclass(frozen=True, eq=False)
+class AssignedKeypoints:
+    """Detected keypoints that were assigned to tracks in one frame.
+
+    Attributes:
+        numbers: Numbers of the tracks.
+        keypoints_px: shape (row, keypoint, 2): the detections, moved to the time of the states.
+        confidence: shape (row, keypoint).
+        rows: shape (track, view), int64: assigned detections, -1 for none.
+        labels: shape (track, view, keypoint), int64: which of a detection's keypoints is the body's, -1 for none.
+    """
+
+    numbers: tuple[int, ...]
+    keypoints_px: np.ndarray
+    confidence: np.ndarray
+    rows: np.ndarray
+    labels: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class TrackedFrame:
     """Everything that the tracker found in one frame.
 
@@ -295,8 +318,10 @@ class TrackedFrame:
         people: All people in the frame.
         past_states: By name, states in earlier frames of people who were confirmed or re-identified in this frame.
         swaps: Identity swaps found in this frame.
+        assigned: Assigned keypoints; None if they are not kept.
     """
 
     people: People
     past_states: Mapping[str, list[PastState]]
     swaps: tuple[IdentitySwap, ...]
+    assigned: AssignedKeypoints | None = None

@@ -112,6 +112,16 @@ class TrackerSettings(PickledByFields):
         )  # fmt: skip
 
     @cached_property
+    def node_keypoints(self) -> np.ndarray:
+        """The keypoints that the body has, shape (node keypoint,), int64."""
+        return np.flatnonzero(self.body.keypoint_nodes >= 0)
+
+    @cached_property
+    def node_body(self) -> Body:
+        """The tree in the form that kernels take, with the keypoints of the body only."""
+        return self.body._replace(keypoint_nodes=frozen(self.body.keypoint_nodes[self.node_keypoints], np.int64))
+
+    @cached_property
     def motion(self) -> MotionModel:
         """The motion model in the form that kernels take."""
         return MotionModel(self.decay_s, self.power, self.most, float(self.options.motion.shape_walk))

@@ -16,6 +16,7 @@ from posefuse.kernels.tracking.records import State
 from posefuse.tracking.backward_pass import smooth_in_place
 from posefuse.tracking.body_states import join_states, select_states
 from posefuse.tracking.history import History, Run
+from posefuse.tracking.path_priors import PathPriors, estimate_priors, fit_path, with_lasting_offsets
 from posefuse.tracking.refiltering import Window, refilter_run
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.smoothed_bodies import SmoothedBodies, describe_bodies
@@ -61,6 +62,8 @@ class PeopleSmoother:
         """Index of the first frame that was not returned yet."""
         self._from = self._first_relevant(start)
         self._windows: dict[int, Window] = {}
+        self._priors: PathPriors | None = None
+        self._estimated = self.settings.options.smoother != "full"
 
     def _first_relevant(self, start: int) -> int:
         """Return the index of the first frame that influences frame ``start``."""
@@ -77,6 +80,8 @@ class PeopleSmoother:
         again, and with a fixed lag.
         """
         options = self.settings.options
+        if not self._estimated:
+            self._priors, self._estimated = estimate_priors(self.history, self.settings), True
         people = []
         while self.done < stop:
             if options.smoother == "full":
@@ -110,32 +115,47 @@ class PeopleSmoother:
         people, windows = [], {}
         later: _LaterRun | None = None
         bridge_s = self.settings.options.bridge_s
+        following = stop - 1
+        if self._priors is not None:
+            # Fitted poses depend on the frames before as well as on those after them.
+            following = min(history.place_at(history.time_s[stop - 1] - self.settings.options.look_ahead_s), stop - 1)
         runs = [part for run in history.runs(self._from, until) for part in _split_at_gaps(run, bridge_s)]
         for part in reversed(runs):
             joins = later is not None and later.follows(part)
-            body, window, later = self._smooth(part, start, stop, later if joins else None)
+            body, window, later = self._smooth(part, (start, stop, following), later if joins else None)
             if len(body):
                 keep = part.within(start, stop)
                 # Copies do not keep the filter's states in memory.
                 people.append(SmoothedPerson(part.number, keep.places, body, keep.used.copy(), keep.missing_s.copy()))
             if window is not None:
                 windows.setdefault(part.number, window)
-        self._windows, self.done, self._from = windows, stop, stop - 1
+        self._windows, self.done, self._from = windows, stop, following
         return people[::-1]
 
     def _smooth(
-        self, part: Run, start: int, stop: int, later: "_LaterRun | None"
+        self, part: Run, span: tuple[int, int, int], later: "_LaterRun | None"
     ) -> tuple[SmoothedBodies, Window | None, "_LaterRun | None"]:
-        """Return one person's frames from ``start`` to ``stop``, the window to continue from, and its first state."""
-        first, last = (int(np.searchsorted(part.places, place)) for place in (start, stop))
+        """Smooth the frames of a span: first frame, end, and first frame that the next range needs.
+
+        Returns:
+            One person's frames of the span, the window to continue from, and the person's first state.
+        """
+        first, last, following = (int(np.searchsorted(part.places, place)) for place in span)
         if self.settings.options.smoother == "none":
-            return describe_bodies(part.within(start, stop).state, None, self.settings), None, None
+            return describe_bodies(part.within(*span[:2]).state, None, self.settings), None, None
         window = refilter_run(part, self._windows.get(part.number), self.settings)
-        rest = window.after(last - 1).copy() if last else None
-        states = _smoothed_by(window.after(first).state, part.time_s[first:], later, self.settings)
-        kept = State(*(each[: last - first] for each in states))
-        body = describe_bodies(kept, window.information[first:last], self.settings)
+        rest = window.after(min(following, last - 1)).copy() if last else None
+        begin = 0 if self._priors is not None else first
+        states = _smoothed_by(window.after(begin).state, part.time_s[begin:], later, self.settings)
         begins = _LaterRun(part, select_states(states, [0])) if part.fresh and first == 0 else None
+        fitted = None
+        if self._priors is not None and last > first:
+            fitted = fit_path(states, part.frames(begin, len(part)), self._priors, self.settings)
+        kept = State(*(each[first - begin : last - begin] for each in (fitted or states)))
+        if fitted is None:
+            body = describe_bodies(kept, window.information[first:last], self.settings)
+        else:
+            body = with_lasting_offsets(describe_bodies(kept, None, self.settings), self.settings)
         return body, rest, begins
 
 

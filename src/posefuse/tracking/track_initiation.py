@@ -212,7 +212,11 @@ def fit_body(
         turn_bones(state.bones[0], shown, np.flatnonzero(~seen & (i > 0)))
         seen |= np.isfinite(shown).all(axis=1)
         update_by_observation(state, each, settings, since_s)
-        past.append(PastState(each.number, each.time_s, select_states(state, [0]), each.rows))
+        past.append(
+            PastState(
+                each.number, each.time_s, select_states(state, [0]), each.rows, each.keypoints_px, each.confidence
+            )
+        )  # fmt: skip
     return state, past[:-1], reprojection_error_sigma(state, observations[-1], settings)
 
 

@@ -6,13 +6,14 @@ from posefuse.errors import DetectionsError
 from posefuse.kernels.tracking.records import State
 from posefuse.model.frames import Frame
 from posefuse.model.tracks import TrackState
-from posefuse.tracking.associate import associate
+from posefuse.tracking.associate import Association, associate
 from posefuse.tracking.body_states import ProjectedBodies
+from posefuse.tracking.bone_lengths import keypoints_at_one_time
 from posefuse.tracking.frame_clock import FrameClock
 from posefuse.tracking.manage import Bookkeeping, Management, manage
 from posefuse.tracking.parts import BodyFrame, PartTracker, mirrored_parts, swap_mirrored_parts
 from posefuse.tracking.predict import FrameInput, predict
-from posefuse.tracking.records import People, Person, Track, TrackedFrame
+from posefuse.tracking.records import AssignedKeypoints, People, Person, Track, TrackedFrame
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.strategies import find_strategy
 from posefuse.tracking.strategy import Propose, Strategy, TrackerSetup
@@ -76,9 +77,10 @@ class ArticulatedTracker:
         prediction = predict(tracks, now, setup)
         association = associate(tracks, now, prediction, monitor.rejected, setup)
         updated = update(tracks, now, prediction, association, setup)
+        assigned = _assigned_keypoints(tracks, now, association, setup.settings)
         managed = manage(tracks, self.book, now, prediction, association, updated, setup)
         people = self._people(now, managed)
-        return TrackedFrame(people, managed.past_states, managed.swaps)
+        return TrackedFrame(people, managed.past_states, managed.swaps, assigned)
 
     @property
     def settings(self) -> TrackerSettings:
@@ -158,3 +160,15 @@ class ArticulatedTracker:
                 p = names.index(person.name)
                 projected.points_m[p, k], projected.covariance_m2[p, k] = person.points_m, person.covariance_m2
                 managed.used[p][:, k] = person.used
+
+
+def _assigned_keypoints(
+    tracks: TrackSet, now: FrameInput, association: Association, settings: TrackerSettings
+) -> AssignedKeypoints:
+    """Return the keypoints assigned to the updated tracks, as they were at the time of the frame."""
+    frame, rows = association.frame, association.rows
+    pixels = frame.keypoints_px
+    if len(tracks) and len(frame.view):
+        pixels = keypoints_at_one_time(tracks.state, frame, now.time_s, rows, settings)
+    numbers = tuple(track.number for track in tracks.tracks)
+    return AssignedKeypoints(numbers, pixels, frame.confidence, rows, association.labels)

@@ -89,7 +89,11 @@ def test_history_holds_frames_before_confirmation(settings, rng):
     history = History(settings)
     for k in range(6):
         add_frame(history, k, {})
-    past = [PastState(10 + 2 * k, DT_S * k, select_states(states, [k]), np.arange(VIEWS)) for k in (2, 3, 5)]
+    unseen = np.full((VIEWS, KEYPOINTS, 2), np.nan)
+    past = [
+        PastState(10 + 2 * k, DT_S * k, select_states(states, [k]), np.arange(VIEWS), unseen, unseen[..., 0])
+        for k in (2, 3, 5)
+    ]
     add_frame(history, 6, {"person_1": select_states(states, [6])}, {"person_1": past})
     (run,) = history.runs(0, 7)
     np.testing.assert_array_equal(run.places, np.arange(2, 7))

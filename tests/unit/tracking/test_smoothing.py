@@ -249,6 +249,7 @@ def run_of(states: State, life: int = TrackState.ACTIVE) -> Run:
     return Run(
         1, np.arange(frames), times(frames), True, states, np.zeros((frames, 3), dtype=np.int64),
         np.zeros((frames, 3, len(SKELETON)), dtype=bool), np.full(frames, life, dtype=np.int8), np.zeros(frames),
+        np.full((frames, 3, len(SKELETON), 2), np.nan), np.full((frames, 3, len(SKELETON)), np.nan),
     )  # fmt: skip
 
 

@@ -35,7 +35,14 @@ def fit_first_body(
     """
     shape_m, shape_covariance = fit_shape(observations, settings)
     past = [
-        PastState(each.number, each.time_s, fit_core_pose(each.points_m, shape_m, settings), each.rows)
+        PastState(
+            each.number,
+            each.time_s,
+            fit_core_pose(each.points_m, shape_m, settings),
+            each.rows,
+            each.keypoints_px,
+            each.confidence,
+        )
         for each in observations[:-1]
     ]
     last = observations[-1]

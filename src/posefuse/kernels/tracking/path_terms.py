@@ -1,0 +1,314 @@
+"""Normal equations of the poses of one body in consecutive frames: observations with correlated errors, and motion.
+
+Poses change by the increments of :mod:`posefuse.kernels.tracking.body_kinematics`. Errors of a keypoint in a view are a
+first-order autoregressive process over consecutive frames, so frames are coupled with the next one; motion couples each
+frame with the next two.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+from posefuse.kernels.cameras.lens import OK
+from posefuse.kernels.jit import inline, kernel, subroutine
+from posefuse.kernels.linear_algebra.rotations import rotate, rotation_between
+from posefuse.kernels.tracking.body_kinematics import apply_increment, locate_nodes, node_jacobian
+from posefuse.kernels.tracking.joint_limits import TWIST, add_limit, add_twist
+from posefuse.kernels.tracking.point_projection import project_node, squared_px_per_m
+from posefuse.kernels.tracking.records import Pose
+from posefuse.kernels.tracking.smoothing import tilt_between
+
+
+class LinearObservations(NamedTuple):
+    """Detections linearized at the poses.
+
+    Attributes:
+        residual_px: shape (frame, view, keypoint, 2): observed minus projected.
+        rows: shape (frame, view, keypoint, 2, 3): derivatives of the pixel by the point, px per m.
+        precision: shape (frame, view, keypoint): inverse standard deviation of the error, weighted, 1/px; 0 for none.
+        weight: shape (frame, view, keypoint): square root of the weight of the Student t distribution.
+        squared: shape (frame, view, keypoint): squared error in units of the variance per axis.
+        jacobian: shape (frame, keypoint, 3, pose + shape): derivatives of the points.
+    """
+
+    residual_px: Any
+    rows: Any
+    precision: Any
+    weight: Any
+    squared: Any
+    jacobian: Any
+
+
+class PathSystem(NamedTuple):
+    """Normal equations of poses, and of a common shape if it has columns.
+
+    Attributes:
+        diagonal: shape (frame, m, m): blocks of each frame, lower triangles.
+        next: shape (frame, m, m): row block of each frame, column block of the frame before.
+        second: shape (frame, pose): diagonal of the block of each frame and the second frame before.
+        gradient: shape (frame, m): negative gradient of the cost.
+    """
+
+    diagonal: Any
+    next: Any
+    second: Any
+    gradient: Any
+
+
+class PathScratch(NamedTuple):
+    """Scratch arrays: nodes (node, 3), their Jacobian (node, 3, pose + shape), and 3 x 3, 3 x 3, 3, 3 x m arrays."""
+
+    nodes: Any
+    jacobian: Any
+    own: Any
+    link: Any
+    force: Any
+    weighted: Any
+
+
+@kernel
+def linearize_path(cameras, body, error_model, state, keypoints_px, variance_px2, scratch, out):
+    """Linearize all detections at the poses of a state with one entry per frame, and weight them.
+
+    Args:
+        cameras: the camera array.
+        body: a Body.
+        error_model: an ErrorModel; its floor and degrees of freedom are used.
+        state: a State, with frames on the person axis.
+        keypoints_px: shape (frame, view, keypoint, 2), NaN where there is none.
+        variance_px2: shape (frame, view, keypoint): variance of the noise per axis, without the floor of the body.
+        scratch: PathScratch.
+        out: LinearObservations, written.
+    """
+    frames, views, keypoints = variance_px2.shape
+    n = state.velocity.shape[1]
+    floor = error_model.floor_m * error_model.floor_m
+    for t in range(frames):
+        pose = Pose(state.root[t], state.turns[t], state.bones[t], state.shape[t])
+        locate_nodes(body, pose, scratch.nodes)
+        node_jacobian(body, pose, n, scratch.jacobian)
+        for k in range(keypoints):
+            node = body.keypoint_nodes[k]
+            for v in range(views):
+                out.precision[t, v, k] = 0.0
+                u, w = keypoints_px[t, v, k, 0], keypoints_px[t, v, k, 1]
+                if node < 0 or not math.isfinite(u + w):
+                    continue
+                view = project_node(cameras, v, scratch.nodes, node)
+                if view[0] != OK:
+                    continue
+                du, dv = u - view[1], w - view[2]
+                variance = variance_px2[t, v, k] + floor * squared_px_per_m(view)
+                squared = (du * du + dv * dv) / variance
+                weight = math.sqrt((error_model.nu + 2.0) / (error_model.nu + squared))
+                out.residual_px[t, v, k, 0] = du
+                out.residual_px[t, v, k, 1] = dv
+                out.weight[t, v, k] = weight
+                out.squared[t, v, k] = squared
+                out.precision[t, v, k] = weight / math.sqrt(variance)
+                row = out.rows[t, v, k]
+                row[0, 0], row[0, 1], row[0, 2] = view[3], view[4], view[5]
+                row[1, 0], row[1, 1], row[1, 2] = view[6], view[7], view[8]
+            if node >= 0:
+                for i in range(3):
+                    for c in range(scratch.jacobian.shape[2]):
+                        out.jacobian[t, k, i, c] = scratch.jacobian[node, i, c]
+
+
+@inline
+def _link(linear, t, v, k, correlation, sharing):
+    """Return the correlation of the errors of frames ``t - 1`` and ``t``; outliers are hardly correlated.
+
+    An error far beyond the usual ones belongs to a frame of its own; a correlation with it would shift the others.
+    """
+    if t <= 0 or t >= correlation.shape[0]:
+        return 0.0
+    if not (linear.precision[t, v, k] > 0.0 and linear.precision[t - 1, v, k] > 0.0):
+        return 0.0
+    ratio = linear.weight[t, v, k] / linear.weight[t - 1, v, k]
+    return correlation[t] * min(ratio, 1.0 / ratio) ** sharing
+
+
+@kernel
+def add_observations(body, linear, correlation, sharing, scratch, system):
+    """Add all detections to the equations.
+
+    Args:
+        body: a Body.
+        linear: LinearObservations.
+        correlation: shape (frame,): of the errors of each frame and the frame before.
+        sharing: exponent of the ratio of the weights of two frames, by which their correlation is multiplied.
+        scratch: PathScratch.
+        system: PathSystem, in and out.
+    """
+    frames, views, keypoints = linear.precision.shape
+    m = system.gradient.shape[1]
+    own, link, force = scratch.own, scratch.link, scratch.force
+    for t in range(frames):
+        for k in range(keypoints):
+            node = body.keypoint_nodes[k]
+            if node < 0:
+                continue
+            for i in range(3):
+                force[i] = 0.0
+                for j in range(3):
+                    own[i, j] = 0.0
+                    link[i, j] = 0.0
+            linked = False
+            for v in range(views):
+                if linear.precision[t, v, k] > 0.0:
+                    linked |= _add_view(
+                        linear,
+                        t,
+                        v,
+                        k,
+                        _link(linear, t, v, k, correlation, sharing),
+                        _link(linear, t + 1, v, k, correlation, sharing),
+                        scratch,
+                    )
+            here = linear.jacobian[t, k]
+            _add_gradient(body, node, here, force, m, system.gradient[t])
+            _add_block(body, node, here, here, own, scratch.weighted, True, system.diagonal[t])
+            if linked:
+                before = linear.jacobian[t - 1, k]
+                _add_block(body, node, here, before, link, scratch.weighted, False, system.next[t])
+
+
+@subroutine
+def _add_view(linear, t, v, k, before, after, scratch):
+    """Add one detection, correlated with those before and after it, to the equations of a point.
+
+    Returns:
+        Whether it is correlated with the one before.
+    """
+    row, residual, precision = linear.rows[t, v, k], linear.residual_px, linear.precision
+    a = precision[t, v, k]
+    d = a * a * (1.0 / (1.0 - before * before) + after * after / (1.0 - after * after))
+    e, f = d * residual[t, v, k, 0], d * residual[t, v, k, 1]
+    if before > 0.0:
+        o = -a * precision[t - 1, v, k] * before / (1.0 - before * before)
+        e += o * residual[t - 1, v, k, 0]
+        f += o * residual[t - 1, v, k, 1]
+        _add_outer(row, linear.rows[t - 1, v, k], o, scratch.link)
+    if after > 0.0:
+        o = -a * precision[t + 1, v, k] * after / (1.0 - after * after)
+        e += o * residual[t + 1, v, k, 0]
+        f += o * residual[t + 1, v, k, 1]
+    _add_outer(row, row, d, scratch.own)
+    for i in range(3):
+        scratch.force[i] += row[0, i] * e + row[1, i] * f
+    return before > 0.0
+
+
+@inline
+def _add_outer(left, right, factor, out):
+    """Add ``factor left^T right`` of two matrices of two rows."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] += factor * (left[0, i] * right[0, j] + left[1, i] * right[1, j])
+
+
+@subroutine
+def _add_gradient(body, node, jacobian, force, m, gradient):
+    """Add the force on a point to the gradient."""
+    for b in range(body.starts[node], body.starts[node + 1]):
+        i = body.columns[b]
+        if i >= m:
+            break
+        gradient[i] += jacobian[0, i] * force[0] + jacobian[1, i] * force[1] + jacobian[2, i] * force[2]
+
+
+@subroutine
+def _add_block(body, node, left, right, inner, weighted, lower, out):
+    """Add ``left^T inner right`` for the columns of a node, or its lower triangle only."""
+    first, last, m = body.starts[node], body.starts[node + 1], out.shape[0]
+    while last > first and body.columns[last - 1] >= m:
+        last -= 1
+    for b in range(first, last):
+        j = body.columns[b]
+        for i in range(3):
+            weighted[i, j] = inner[i, 0] * right[0, j] + inner[i, 1] * right[1, j] + inner[i, 2] * right[2, j]
+    for b in range(first, last):
+        i = body.columns[b]
+        x, y, z = left[0, i], left[1, i], left[2, i]
+        for c in range(first, b + 1 if lower else last):
+            j = body.columns[c]
+            out[i, j] += x * weighted[0, j] + y * weighted[1, j] + z * weighted[2, j]
+
+
+@kernel
+def add_limits(body, stiffness, state, system):
+    """Add the joint limits of each frame to the equations."""
+    for t in range(state.root.shape[0]):
+        hessian, gradient = system.diagonal[t], system.gradient[t]
+        for limit in range(body.limits.shape[0]):
+            if body.limits[limit, 0] == TWIST:
+                add_twist(body, limit, stiffness, state.turns[t], hessian, gradient)
+            else:
+                add_limit(body, limit, stiffness, state.turns[t], state.bones[t], hessian, gradient)
+
+
+@kernel
+def align_bones(bones):
+    """Turn the frame of each bone about the bone, so that it turns as little as possible from frame to frame.
+
+    Then the increments of consecutive frames have common axes.
+
+    Args:
+        bones: shape (frame, bone, 3, 3), in and out.
+    """
+    for b in range(bones.shape[1]):
+        for t in range(1, bones.shape[0]):
+            x, y = tilt_between(bones[t - 1, b], bones[t, b])
+            for i in range(3):
+                for j in range(3):
+                    bones[t, b, i, j] = bones[t - 1, b, i, j]
+            rotate(bones[t, b], x, y, 0.0)
+
+
+@kernel
+def pose_differences(state, out):
+    """Write the increment from each frame to the next, shape (frame - 1, pose)."""
+    first = 3 + 3 * state.turns.shape[1]
+    for t in range(out.shape[0]):
+        for i in range(3):
+            out[t, i] = state.root[t + 1, i] - state.root[t, i]
+        for s in range(state.turns.shape[1]):
+            c = 3 + 3 * s
+            out[t, c], out[t, c + 1], out[t, c + 2] = rotation_between(state.turns[t, s], state.turns[t + 1, s])
+        for b in range(state.bones.shape[1]):
+            c = first + 2 * b
+            out[t, c], out[t, c + 1] = tilt_between(state.bones[t, b], state.bones[t + 1, b])
+
+
+@kernel
+def add_motion(coefficients, information, deviation, system):
+    """Add the motion prior: a combination of three consecutive frames is near zero.
+
+    Args:
+        coefficients: shape (row, 3, pose): derivatives of each deviation by the poses of its three frames.
+        information: shape (row, pose): inverse variance of the deviations.
+        deviation: shape (row, pose).
+        system: PathSystem, in and out.
+    """
+    for t in range(deviation.shape[0]):
+        for i in range(deviation.shape[1]):
+            w = information[t, i]
+            a, b, c = coefficients[t, 0, i], coefficients[t, 1, i], coefficients[t, 2, i]
+            e = w * deviation[t, i]
+            system.gradient[t, i] -= a * e
+            system.gradient[t + 1, i] -= b * e
+            system.gradient[t + 2, i] -= c * e
+            system.diagonal[t, i, i] += w * a * a
+            system.diagonal[t + 1, i, i] += w * b * b
+            system.diagonal[t + 2, i, i] += w * c * c
+            system.next[t + 1, i, i] += w * a * b
+            system.next[t + 2, i, i] += w * b * c
+            system.second[t + 2, i] += w * a * c
+
+
+@kernel
+def move_poses(step, state):
+    """Apply an increment to each frame, shape (frame, at least pose)."""
+    n = state.velocity.shape[1]
+    for t in range(step.shape[0]):
+        apply_increment(step[t, :n], state.root[t], state.turns[t], state.bones[t])

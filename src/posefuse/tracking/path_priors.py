@@ -1,0 +1,228 @@
+"""Priors of fitted paths, estimated from a recording: motion, bone lengths of each person, and level of the errors.
+
+Accelerations are white with the spectral density that maximizes the marginal likelihood for linear measurements: the
+squared deviations from the motion over the number of deviations that the detections determine (MacKay, "Bayesian
+interpolation", 1992). Bone lengths are fitted together with the poses. The variance of a robust estimate is that of the
+weighted errors over the square of the mean derivative of the weighted errors (Huber, "Robust statistics", 1981); both
+follow from the fitted errors.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from posefuse.kernels.tracking.records import State
+from posefuse.tracking.backward_pass import smooth_in_place
+from posefuse.tracking.history import History, Run
+from posefuse.tracking.path_fit import (
+    LengthEquations,
+    MotionEvidence,
+    PathDetections,
+    PathFit,
+    PathMotion,
+    reduce_to_lengths,
+)
+from posefuse.tracking.refiltering import refilter_run
+from posefuse.tracking.settings import TrackerSettings
+from posefuse.tracking.smoothed_bodies import SmoothedBodies
+
+_SPANS, _SPAN_FRAMES, _MIN_FRAMES = 4, 128, 8
+"""Number and length of the ranges of frames of each person that priors are estimated from."""
+
+_MAX_PEOPLE = 12
+"""Number of people, those with the longest tracks, who show how all of them move."""
+
+_ROUNDS = 7
+"""Each round is one step of all poses and lengths, and one estimate of the motion."""
+
+_INITIAL_SHARE = 0.05
+"""Typical density of accelerations over that of the filter, which must follow the fastest motion without delay."""
+
+_PRIOR_DEVIATIONS = 10.0
+"""Weight of the typical density, as a number of deviations."""
+
+_LASTING_SHARE = 0.5
+"""Typical lasting offset between a joint of the body and the keypoint over the one that the noise model assumes."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodyLengths:
+    """Bone lengths of a track in a range of frames.
+
+    Attributes:
+        start: Index of the first frame in the history.
+        shape_m: shape (shape,).
+        covariance_m2: shape (shape, shape).
+    """
+
+    start: int
+    shape_m: np.ndarray
+    covariance_m2: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class PathPriors:
+    """Priors of fitted paths.
+
+    Attributes:
+        motion: Motion of all bodies.
+        inflation: Variance of the poses over the inverse of their normal equations.
+        bodies: Lengths by number of the track, in order of time.
+    """
+
+    motion: PathMotion
+    inflation: float
+    bodies: dict[int, list[BodyLengths]]
+
+
+def estimate_priors(history: History, settings: TrackerSettings) -> PathPriors | None:
+    """Estimate the priors from some frames of a history; None if it holds too few detected keypoints."""
+    samples = _samples(history)
+    longest = sorted(samples, key=lambda each: (each.start - each.stop, each.number))[:_MAX_PEOPLE]
+    bodies = {sample: _BodyFit.of(sample, history, settings) for sample in longest}
+    if not any(body.fits for body in bodies.values()):
+        return None
+    typical = _INITIAL_SHARE * settings.power
+    motion = PathMotion(settings.decay_s, typical)
+    evidence = None
+    for _ in range(_ROUNDS):
+        prior = _PRIOR_DEVIATIONS * np.ones(len(typical))
+        evidence = MotionEvidence(prior * typical / motion.power, prior, np.full(3, 1e-9))
+        for body in bodies.values():
+            for each in body.step(motion):
+                evidence += each
+        motion = PathMotion(settings.decay_s, motion.power * evidence.squares / evidence.determined)
+    assert evidence is not None
+    weights, squares, slopes = evidence.errors
+    inflation = float(weights * squares / slopes**2)
+    lengths: dict[int, list[BodyLengths]] = {}
+    for sample in samples:
+        body = bodies.get(sample)
+        if body is None:
+            body = _BodyFit.of(sample, history, settings)
+            for _ in range(_ROUNDS):
+                body.step(motion)
+        if body.fits:
+            found = BodyLengths(sample.start, body.shape_m, inflation * body.covariance_m2)
+            lengths.setdefault(sample.number, []).append(found)
+    return PathPriors(motion, inflation, lengths)
+
+
+@dataclass(frozen=True)
+class _Sample:
+    """Some ranges of frames of one epoch of a track: its first frame and end, and the ranges, evenly spread over it."""
+
+    number: int
+    start: int
+    stop: int
+    ranges: tuple[tuple[int, int], ...]
+
+
+def _samples(history: History) -> list[_Sample]:
+    """Return a sample of each epoch of each track."""
+    samples = []
+    for number, epochs in sorted(history.epochs.items()):
+        for epoch in epochs:
+            count = min(_SPANS, -(-(epoch.stop - epoch.start) // _SPAN_FRAMES))
+            last = max(epoch.stop - _SPAN_FRAMES, epoch.start)
+            stop, ranges = epoch.start, []
+            for start in np.linspace(epoch.start, last, count).astype(int).tolist():
+                first, stop = max(start, stop), min(start + _SPAN_FRAMES, epoch.stop)
+                ranges.append((first, stop))
+            samples.append(_Sample(number, epoch.start, epoch.stop, tuple(ranges)))
+    return samples
+
+
+class _BodyFit:
+    """Poses of one person in some ranges of frames, and the common bone lengths."""
+
+    def __init__(self, fits: list[PathFit], shape_m: np.ndarray, settings: TrackerSettings) -> None:
+        self.fits = fits
+        self.shape_m = shape_m
+        self.covariance_m2 = settings.tree.shape_covariance
+        self._settings = settings
+        self._start_m = shape_m
+
+    @classmethod
+    def of(cls, sample: _Sample, history: History, settings: TrackerSettings) -> "_BodyFit":
+        """Begin with the smoothed states of the filter and its last lengths; short ranges are left out."""
+        fits, shape_m = [], settings.tree.shape_m
+        for span in sample.ranges:
+            for run in history.runs(*span, sample.number):
+                if len(run) < _MIN_FRAMES or not np.isfinite(run.confidence).any():
+                    continue
+                state = State(*(each.copy() for each in refilter_run(run, None, settings).state))
+                smooth_in_place(state, run.time_s, settings)
+                shape_m = run.state.shape[-1]
+                detections = PathDetections.of(run.time_s, run.keypoints_px, run.confidence, settings)
+                fits.append(PathFit(_without_covariance(state), detections, settings))
+        for fit in fits:
+            fit.state.shape[:] = shape_m
+        return cls(fits, shape_m.copy(), settings)
+
+    def step(self, motion: PathMotion) -> list[MotionEvidence]:
+        """Take one step of all poses and lengths; return the evidence of each range about the motion."""
+        tree = self._settings.tree
+        prior = np.linalg.pinv(tree.shape_covariance, hermitian=True)
+        equations = LengthEquations(prior, prior @ (tree.shape_m - self.shape_m))
+        evidence, solved = [], []
+        for fit in self.fits:
+            fit.linearize()
+            reduced = reduce_to_lengths(fit, motion)
+            if reduced is None:
+                continue
+            evidence.append(fit.motion_evidence(motion))
+            equations = equations + reduced.lengths
+            solved.append((fit, reduced))
+            fit.release()
+        self.covariance_m2 = np.linalg.pinv(equations.curvature, hermitian=True)
+        shape_m = self.shape_m + self.covariance_m2 @ equations.gradient
+        change_m = np.clip(shape_m, 0.5 * self._start_m, 2.0 * self._start_m) - self.shape_m
+        self.shape_m = self.shape_m + change_m
+        self.fits = [fit for fit, reduced in solved if fit.move(reduced.pose - reduced.by_length @ change_m)]
+        for fit in self.fits:
+            fit.state.shape[:] = self.shape_m
+        return evidence
+
+
+def fit_path(smoothed: State, run: Run, priors: PathPriors, settings: TrackerSettings) -> State | None:
+    """Fit the poses of one person to all detections of a run.
+
+    Args:
+        smoothed: Smoothed states of the run, where the fit begins.
+        run: Consecutive frames of one track.
+        priors: Priors of the recording.
+        settings: Settings of the tracker.
+
+    Returns:
+        State with one entry per frame; None if the run is too short, shows nothing, or could not be fitted.
+    """
+    lengths = priors.bodies.get(run.number)
+    if len(run) < _MIN_FRAMES or not lengths or not np.isfinite(run.confidence).any():
+        return None
+    epoch = np.searchsorted([each.start for each in lengths], run.places, side="right") - 1
+    epoch = np.maximum(epoch, 0)
+    state = smoothed._replace(shape=np.stack([each.shape_m for each in lengths])[epoch])
+    detections = PathDetections.of(run.time_s, run.keypoints_px, run.confidence, settings)
+    fit = PathFit(_without_covariance(state), detections, settings)
+    if not fit.fit(priors.motion) or not fit.factorize(
+        fit.equations(priors.motion, settings.tree.n_pose, lasting=True)
+    ):
+        return None
+    n, h = settings.tree.n_pose, settings.tree.n_shape
+    covariance = np.zeros_like(smoothed.covariance)
+    covariance[:, :n, :n] = priors.inflation * fit.covariances()[0]
+    covariance[:, n : n + h, n : n + h] = np.stack([each.covariance_m2 for each in lengths])[epoch]
+    free = np.ones(len(run), dtype=np.int64)
+    return fit.state._replace(velocity=fit.velocities(), covariance=covariance, free=free)
+
+
+def with_lasting_offsets(body: SmoothedBodies, settings: TrackerSettings) -> SmoothedBodies:
+    """Return a fitted body with the uncertainty of the offsets between joints and keypoints, which no frame reduces."""
+    variance_m2 = (_LASTING_SHARE * settings.law.floor_m) ** 2 * np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
+    return replace(body, covariance_m2=body.covariance_m2 + variance_m2)
+
+
+def _without_covariance(state: State) -> State:
+    """Return a state whose covariance takes no memory."""
+    return state._replace(covariance=state.covariance[:, :0, :0])
