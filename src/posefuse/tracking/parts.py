@@ -121,7 +121,9 @@ class PartTracker:
         names = tuple(whole.skeleton.keypoints[k] for k in part.keypoints)
         own = Skeleton(f"{whole.skeleton.name}: {part.name}", names, tree=part.tree)
         # The options of the bodies are in proportion already; a part has the size of its body.
-        self.settings = TrackerSettings.of(whole.rig, own, whole.noise, whole.options.of_parts())
+        # Only faces share the orientation of a segment.
+        options = whole.options.of_parts(face=part.like >= 0)
+        self.settings = TrackerSettings.of(whole.rig, own, whole.noise, options)
         self.tracks: list[PartTrack] = []
         self.state = empty_state(part.tree)
         self.known: dict[str, KnownShape] = {}

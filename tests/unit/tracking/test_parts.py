@@ -9,12 +9,15 @@ import pytest
 
 from posefuse.arrays import frozen
 from posefuse.biomechanics.tables import angle_table
+from posefuse.evaluation.consistency import consistency, normalized_squares
 from posefuse.kernels.tracking.anchors import update_from_anchors
+from posefuse.kernels.tracking.projection import project_people
 from posefuse.kernels.tracking.smoothing import apply_changes
 from posefuse.kinematics.initial_pose import initial_state
 from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
+from posefuse.model.reconstruction import unpack_covariance
 from posefuse.model.status import PointStatus
 from posefuse.model.tracks import TrackState
 from posefuse.pipeline.people import default_noise, tracker_of
@@ -23,7 +26,7 @@ from posefuse.skeleton.skeletons import Skeleton, shipped_skeleton
 from posefuse.synthetic.crowd_options import NO_FAULTS, CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 from posefuse.synthetic.options import CLEAN
-from posefuse.tracking.body_states import select_states
+from posefuse.tracking.body_states import ProjectedBodies, select_states
 from posefuse.tracking.parts import certain_directions
 from posefuse.tracking.records import People, Person
 
@@ -225,6 +228,37 @@ def test_whole_body_recording_is_reconstructed(scene):
     assert np.isfinite(degrees[10:, 0, names.index("left_palm.bend")]).all()
     # The index finger opens and closes.
     assert np.ptp(degrees[10:, 0, names.index("left_index_finger_2.flexion")]) > 30.0
+
+
+def test_projections_of_other_parts_are_missing(scene):
+    settings = tracker_of(scene.rig, WHOLE, default_noise(scene.rig, Options()), Options()).settings
+    projected = ProjectedBodies.allocate(1, len(settings.cameras), len(WHOLE))
+    for array in projected.arrays:
+        array[:] = 7.0
+    tree, motion = settings.tree, settings.options.motion
+    points = np.asarray(scene.truth.layers["measured"].points_m)[0, 0]
+    state = initial_state(tree, points, tree.shape_m, tree.shape_covariance, motion)
+    project_people(settings.cameras, settings.body, state, projected.arrays)
+    assert np.isnan(projected.px_per_m[..., FACE.keypoints]).all()
+    assert np.isnan(projected.pixel_covariance_px2[:, :, FACE.keypoints]).all()
+    assert np.isfinite(projected.px_per_m[..., BODY]).all()
+
+
+def test_regions_of_smoothed_hands_and_faces_contain_the_truth():
+    shares = []
+    for seed in range(2):
+        scene = simulate_crowd(CrowdOptions(people=1, duration_s=5.0, seed=seed, skeleton=WHOLE.name))
+        layer = reconstruct(scene.rig, scene.detections, Options(people="many", solve="frame")).layers["model"]
+        truth = np.asarray(scene.truth.layers["measured"].points_m)[:, 0]
+        squares = normalized_squares(
+            np.asarray(layer.points_m)[:, 0] - truth, unpack_covariance(np.asarray(layer.covariance_m2)[:, 0])
+        )
+        hands = np.concatenate([LEFT.keypoints, RIGHT.keypoints])
+        found = [consistency(squares[:, keypoints], 3) for keypoints in (hands, FACE.keypoints)]
+        shares.append([(each.covered_68, each.covered_95) for each in found])
+    for covered_68, covered_95 in np.mean(shares, axis=0):
+        assert 0.60 < covered_68 < 0.82
+        assert 0.89 < covered_95 < 0.99
 
 
 def test_direction_needs_a_joint_more_certain_than_the_bone_length():

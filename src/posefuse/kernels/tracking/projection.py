@@ -45,6 +45,9 @@ def project_people(cameras, body, state, out):
                 for v in range(cameras.shape[0]):
                     pixels[p, v, k, 0] = math.nan
                     pixels[p, v, k, 1] = math.nan
+                    for i in range(3):
+                        pixel_covariances[p, v, k, i] = math.nan
+                    scale_px_per_m[p, v, k] = math.nan
                 continue
             for i in range(3):
                 points[p, k, i] = nodes[node, i]

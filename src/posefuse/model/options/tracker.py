@@ -208,15 +208,16 @@ class TrackerOptions:
             parts=self.parts.in_proportion(scale),
         )
 
-    def of_parts(self) -> "TrackerOptions":
+    def of_parts(self, *, face: bool) -> "TrackerOptions":
         """Return the options of a part of the body, which has its own motion and noise."""
         parts = self.parts
+        share = parts.face_independent_share if face else parts.smoother_independent_share
         return replace(
             self,
             model_floor_m=parts.model_floor_m,
             error_memory_s=parts.error_memory_s,
             smoother_error_memory_s=parts.smoother_error_memory_s,
-            smoother_independent_share=parts.smoother_independent_share,
+            smoother_independent_share=share,
             motion=replace(
                 self.motion,
                 turn_decay_s=parts.turn_decay_s,

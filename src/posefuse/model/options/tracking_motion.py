@@ -79,7 +79,10 @@ class PartOptions:
         model_floor_m: Systematic offset between a part's model joint and the detector's keypoint, in meters.
         error_memory_s: Correlation time of detection errors, for the filter, in seconds.
         smoother_error_memory_s: Correlation time of detection errors, for the smoother, in seconds.
-        smoother_independent_share: Fraction of each frame's information that the smoother treats as independent.
+        smoother_independent_share: Fraction of each frame's information about hands that the smoother treats as
+            independent.
+        face_independent_share: Fraction of each frame's information about faces that the smoother treats as
+            independent.
         turn_decay_s: Time constant of the decay of the angular velocity of palms, faces and jaws, in seconds.
         turn_acceleration: Spectral density of angular acceleration of palms, faces and jaws, in rad^2/s^3.
         limb_decay_s: Time constant of the decay of the angular velocity of fingers, in seconds.
@@ -97,6 +100,7 @@ class PartOptions:
     error_memory_s: float = option(0.094, at_least=0.0)
     smoother_error_memory_s: float = option(0.25, at_least=0.0)
     smoother_independent_share: float = option(0.0, at_least=0.0, at_most=1.0)
+    face_independent_share: float = option(0.2, at_least=0.0, at_most=1.0)
     turn_decay_s: float = option(0.3, above=0.0)
     turn_acceleration: float = option(60.0, at_least=0.0, unit="rad^2/s^3")
     limb_decay_s: float = option(0.3, above=0.0)
