@@ -185,5 +185,8 @@ def layer_origin(result: Reconstruction, layer: str) -> str:
     if layer == "measured":
         return f"triangulated by {method}" if len(result.rig) > 1 else "from a single camera"
     if result.resolved.solve == "trajectory":
+        sources = {code for part in result.windows() for code in np.unique(part.layers[layer].source[:])}
+        if sources <= {Source.NONE, Source.MEASURED} and Source.MEASURED in sources:
+            return "the measured points, because too few frames determine the motion of a solve over time"
         return "solved over the whole recording from the 2D detections"
     return f"triangulated by {method}, then postprocessed"

@@ -9,6 +9,7 @@ import pytest
 
 from posefuse.evaluation.accuracy import evaluate, truth_from_result
 from posefuse.model.layer_scores import LayerScore
+from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Provenance
 from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.model.track_events import Event
@@ -17,6 +18,7 @@ from posefuse.report import html
 from posefuse.report import scene as scene_module
 from posefuse.report.charts import keypoint_groups
 from posefuse.report.html import render_report
+from posefuse.report.summary import layer_origin
 from posefuse.report.summary_text import scene_note
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.options import SceneOptions
@@ -203,3 +205,10 @@ def test_rejected_and_little_used_cameras_are_listed(result):
     assert "cam_3: camera_rejected, it shows &lt; 15% of the people. <button" in highlights
     assert re.search(r"Camera cam_3 contributes to 3\d % of the points", highlights)
     assert "Camera cam_1 contributes" not in highlights
+
+
+@pytest.mark.parametrize(("duration_s", "origin"), [(0.1, "the measured points"), (2.0, "solved over the whole")])
+def test_solved_layer_that_repeats_the_measured_points_says_so(duration_s, origin):
+    scene = simulate(SceneOptions(duration_s=duration_s, cameras=4))
+    result = reconstruct(scene.rig, scene.detections, Options(solve="trajectory", health="off"))
+    assert layer_origin(result, "solved").startswith(origin)
