@@ -194,8 +194,7 @@ class ReidentificationOptions:
     """Re-identification of new people as lost ones.
 
     Attributes:
-        min_log_odds: Minimum log odds at which a new person is re-identified as a lost one; below 0 because more people
-            return than enter.
+        min_log_odds: Minimum log odds at which a new person is re-identified as a lost one.
         immediate_log_odds: Minimum sum of the log odds of proposals, position and bone lengths for re-acquiring a lost
             track in one frame.
         ambiguity_log_odds: Difference of log odds below which another lost track is reported as equally likely.
@@ -210,7 +209,7 @@ class ReidentificationOptions:
             the time for which the new person was visible.
     """
 
-    min_log_odds: float = option(-0.5)
+    min_log_odds: float = option(0.0)
     immediate_log_odds: float = option(2.0)
     ambiguity_log_odds: float = option(1.0, at_least=0.0)
     corrupt_share: float = option(0.02, above=0.0, below=1.0)
