@@ -26,6 +26,8 @@ from posefuse.tracking.tracker import ArticulatedTracker
 
 _BLOCK_S = 5.0
 _MAX_CACHED_BLOCKS = 4
+_OTHER_BODY = 0.04
+"""Median relative change of fixed lengths beyond which they are those of another body."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,7 +279,7 @@ class History:
         if epochs:
             last = epochs[-1]
             reopened = shape_m is None and last.shape_m is not None
-            replaced = shape_m is not None and last.shape_m is not None and (shape_m != last.shape_m).any()
+            replaced = shape_m is not None and last.shape_m is not None and _differ(shape_m, last.shape_m)
             if not (reopened or replaced):
                 stop = max(last.stop, place + 1)
                 epochs[-1] = Epoch(min(last.start, place), stop, last.shape_m if shape_m is None else shape_m)
@@ -335,6 +337,11 @@ class History:
             number, places, np.array(self.time_s[places[0] : places[-1] + 1]), bool(entries.fresh[0]), entries.state,
             entries.rows, entries.used, entries.life, entries.missing_s, entries.keypoints_px, entries.confidence,
         )  # fmt: skip
+
+
+def _differ(shape_m: np.ndarray, other_m: np.ndarray) -> bool:
+    """Return whether lengths are those of another body, and not refined ones of the same."""
+    return bool(np.median(np.abs(shape_m - other_m) / np.abs(other_m)) > _OTHER_BODY)
 
 
 def _entry(place: int, fresh: bool, states: State, p: int, seen: AssignedViews, person: Person) -> Entries:
