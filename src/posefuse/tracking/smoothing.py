@@ -189,9 +189,10 @@ class _LaterRun:
 def _smoothed_by(state: State, time_s: np.ndarray, later: _LaterRun | None, settings: TrackerSettings) -> State:
     """Smooth a run's states, possibly in place, with the run with which the filter was initialized again afterward.
 
-    That filter started without information from this run, so its first state is an independent observation.
+    That filter started without information from this run, so its first state is an independent observation. A run that
+    ended before these frames has no states.
     """
-    if later is None:
+    if later is None or not len(time_s):
         smooth_in_place(state, time_s, settings)
         return state
     later_s = np.append(time_s, later.run.time_s[0])

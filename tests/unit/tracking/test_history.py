@@ -194,6 +194,16 @@ def test_short_losses_are_bridged_and_long_ones_are_not(settings, rng):
     assert [len(part.places) for part in short] == [40]
 
 
+@pytest.mark.parametrize(("smoother", "stops"), [("full", [5, 12]), ("lag", [12])])
+def test_range_may_begin_with_a_reinitialization(settings, rng, smoother, stops):
+    states = filtered(settings, 12, rng)
+    history = History(replace(settings, options=replace(settings.options, smoother=smoother, lag_s=0.2)))
+    for k in range(12):
+        add_frame(history, k, {"person_1": select_states(states, [k])}, {"person_1": []} if k in (0, 5) else {})
+    parts = smooth_until(history, stops)
+    assert np.concatenate([part.places for part in parts]).tolist() == list(range(12))
+
+
 def test_loss_is_bridged_across_a_reinitialization(settings, rng):
     """A track that is lost for 10 frames and restarts with other bone frames is smoothed as one."""
     states = filtered(settings, 40, rng)
