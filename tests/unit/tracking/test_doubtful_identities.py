@@ -9,6 +9,7 @@ from benchmarks.reacquisition import room, with_gaps
 
 from posefuse.model.frames import Frame
 from posefuse.model.options.tracker import TrackerOptions
+from posefuse.model.options.tracking_stages import ReidentificationOptions
 from posefuse.model.tracks import TrackState
 from posefuse.pipeline.people.recorder import Recorder
 from posefuse.tracking.doubtful_identities import Correction, Doubts, begin_doubt, resolve_doubts
@@ -110,7 +111,7 @@ def test_candidates_have_a_next_check(settings: TrackerSettings) -> None:
 def test_newcomer_with_the_name_of_a_lost_person_is_renamed_from_the_first_frame() -> None:
     """The third person appears 2 s after the first one was lost, and is taken for that one for 1.2 s."""
     scene, gaps = with_gaps(room(3, 5), "new", 5)
-    tracker = tracker_for(scene, TrackerOptions())
+    tracker = tracker_for(scene, TrackerOptions(reidentification=ReidentificationOptions(min_log_odds=-3.0)))
     recorder, n = Recorder(History(tracker.settings), ()), gaps[0].stop + 10
     names: list[set[str]] = []
     for i in range(n):
