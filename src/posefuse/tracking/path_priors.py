@@ -177,7 +177,9 @@ class _BodyFit:
             fit.release()
         self.covariance_m2 = np.linalg.pinv(equations.curvature, hermitian=True)
         shape_m = self.shape_m + self.covariance_m2 @ equations.gradient
-        change_m = np.clip(shape_m, 0.5 * self._start_m, 2.0 * self._start_m) - self.shape_m
+        # Coordinates along an axis may be negative.
+        size_m = np.abs(self._start_m)
+        change_m = np.clip(shape_m, self._start_m - 0.5 * size_m, self._start_m + size_m) - self.shape_m
         self.shape_m = self.shape_m + change_m
         self.fits = [fit for fit, reduced in solved if fit.move(reduced.pose - reduced.by_length @ change_m)]
         for fit in self.fits:
