@@ -38,8 +38,19 @@ _ROUNDS = 7
 _INITIAL_SHARE = 0.05
 """Typical density of accelerations over that of the filter, which must follow the fastest motion without delay."""
 
+_MIN_POWER = 1e-9
+"""Least typical density, for options that let a number of the pose not accelerate at all."""
+
 _PRIOR_DEVIATIONS = 10.0
 """Weight of the typical density, as a number of deviations."""
+
+_MAX_LENGTH_CHANGE = 1.0
+"""Largest change of a length from that of the filter, in standard deviations of its prior. Fitted together with the
+poses, short bones grow by the errors of their ends, and those that no view tells from a turn move without a limit."""
+
+_MAX_SQUARED_ERROR = 1.5
+"""Largest typical squared error of fitted poses over that of the smoothed ones. Where errors are small and not
+correlated, deviations of the body from its model outweigh them, and fitted poses are worse."""
 
 _LASTING_SHARE = 0.5
 """Typical lasting offset between a joint of the body and the keypoint over the one that the noise model assumes."""
@@ -82,7 +93,7 @@ def estimate_priors(history: History, settings: TrackerSettings) -> PathPriors |
     bodies = {sample: _BodyFit.of(sample, history, settings) for sample in longest}
     if not any(body.fits for body in bodies.values()):
         return None
-    typical = _INITIAL_SHARE * settings.power
+    typical = np.maximum(_INITIAL_SHARE * settings.power, _MIN_POWER)
     motion = PathMotion(settings.decay_s, typical)
     evidence = None
     for _ in range(_ROUNDS):
@@ -102,7 +113,7 @@ def estimate_priors(history: History, settings: TrackerSettings) -> PathPriors |
             body = _BodyFit.of(sample, history, settings)
             for _ in range(_ROUNDS):
                 body.step(motion)
-        if body.fits:
+        if body.explains_detections():
             found = BodyLengths(sample.start, body.shape_m, inflation * body.covariance_m2)
             lengths.setdefault(sample.number, []).append(found)
     return PathPriors(motion, inflation, lengths)
@@ -142,6 +153,7 @@ class _BodyFit:
         self.covariance_m2 = settings.tree.shape_covariance
         self._settings = settings
         self._start_m = shape_m
+        self._start_error = self._squared_error()
 
     @classmethod
     def of(cls, sample: _Sample, history: History, settings: TrackerSettings) -> "_BodyFit":
@@ -177,14 +189,26 @@ class _BodyFit:
             fit.release()
         self.covariance_m2 = np.linalg.pinv(equations.curvature, hermitian=True)
         shape_m = self.shape_m + self.covariance_m2 @ equations.gradient
-        # Coordinates along an axis may be negative.
-        size_m = np.abs(self._start_m)
-        change_m = np.clip(shape_m, self._start_m - 0.5 * size_m, self._start_m + size_m) - self.shape_m
+        most_m = _MAX_LENGTH_CHANGE * np.sqrt(np.diag(tree.shape_covariance))
+        change_m = np.clip(shape_m, self._start_m - most_m, self._start_m + most_m) - self.shape_m
         self.shape_m = self.shape_m + change_m
         self.fits = [fit for fit, reduced in solved if fit.move(reduced.pose - reduced.by_length @ change_m)]
         for fit in self.fits:
             fit.state.shape[:] = self.shape_m
         return evidence
+
+    def explains_detections(self) -> bool:
+        """Return whether there are fits, whose errors are not much larger than those of the smoothed poses."""
+        return bool(self.fits) and self._squared_error() <= _MAX_SQUARED_ERROR * self._start_error
+
+    def _squared_error(self) -> float:
+        """Return the median squared error of all detected keypoints, in variances; NaN without any."""
+        errors = []
+        for fit in self.fits:
+            fit.linearize()
+            errors.append(fit.linear.squared[fit.linear.precision > 0.0])
+            fit.release()
+        return float(np.median(np.concatenate(errors))) if errors else np.nan
 
 
 def fit_path(smoothed: State, run: Run, priors: PathPriors, settings: TrackerSettings) -> State | None:

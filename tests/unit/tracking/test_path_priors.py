@@ -4,12 +4,16 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from benchmarks.walking import walk
 
 from posefuse.kernels.tracking.records import State
 from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
+from posefuse.model.options.tracker import TrackerOptions
+from posefuse.model.options.tracking_motion import MotionOptions
 from posefuse.model.tracks import TrackState
 from posefuse.pipeline.people import default_noise, tracker_of
+from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 from posefuse.tracking import smoothing
@@ -31,8 +35,8 @@ def history(scene) -> History:
     return record(scene)
 
 
-def record(scene: CrowdScene) -> History:
-    options = Options()
+def record(scene: CrowdScene, options: Options | None = None) -> History:
+    options = options or Options()
     noise = default_noise(scene.rig, options)
     tracker = tracker_of(scene.rig, scene.detections.skeleton, noise, options)
     history = History(tracker.settings)
@@ -64,6 +68,22 @@ def test_fitted_paths_are_a_tenth_more_accurate_than_the_smoother(scene, history
     monkeypatch.setattr(smoothing, "estimate_priors", lambda *_: None)
     smoothed = PeopleSmoother(history).take(len(history))
     assert mean_error_mm(fitted, scene) < 0.9 * mean_error_mm(smoothed, scene)
+
+
+def test_paths_that_explain_detections_worse_are_not_used():
+    """With small, uncorrelated errors, deviations of the body from its model outweigh those of the detections."""
+    data = walk(150)
+    options = Options(people="one", bodies="fit", solve="frame", health="off")
+    layer = reconstruct(data.rig, data.detections, options).layers["model"]
+    error_mm = 1e3 * np.linalg.norm(np.asarray(layer.points_m)[:, 0] - data.points_m, axis=-1)
+    assert np.nanmedian(error_mm) < 4.0
+
+
+def test_motion_without_accelerations_is_fitted(scene):
+    motion = MotionOptions(root_acceleration=0.0, turn_acceleration=0.0, limb_acceleration=0.0)
+    priors = estimate_priors(history := record(scene, Options(tracker=TrackerOptions(motion=motion))), history.settings)
+    assert priors is not None
+    assert np.isfinite(priors.motion.power).all()
 
 
 def test_regions_contain_the_truth(scene, history):
