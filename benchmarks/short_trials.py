@@ -41,13 +41,20 @@ def trial(activity: Activity, duration_s: float, cameras: int, seed: int) -> Wal
     return motions.with_lasting_noise(replace(data, rate_hz=RATE_HZ), seed)
 
 
+def recording_layers(data: Walk) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield the points of the methods that know nothing but the recording, shape (frame, keypoint, 3)."""
+    measured = _measured(data)
+    yield "consensus", np.asarray(measured.layer.points_m)[:, 0]
+    yield "solved", _solved(measured, estimate_priors([measured], measured.detections.skeleton, _OPTIONS))
+
+
 def layers(data: Walk, long: Walk) -> Iterator[tuple[str, np.ndarray]]:
     """Yield the points of each method, shape (frame, keypoint, 3)."""
+    found = dict(recording_layers(data))
     measured = _measured(data)
-    per_frame = np.asarray(measured.layer.points_m)[:, 0]
-    yield "consensus", per_frame
-    yield "Butterworth", filtered(data, per_frame).points_m
-    yield "solved", _solved(measured, estimate_priors([measured], measured.detections.skeleton, _OPTIONS))
+    yield "consensus", found["consensus"]
+    yield "Butterworth", filtered(data, found["consensus"]).points_m
+    yield "solved", found["solved"]
     priors = estimate_priors([_measured(long)], measured.detections.skeleton, _OPTIONS)
     ends = Bones.of(measured.detections.skeleton).ends
     length = np.median(np.linalg.norm(data.points_m[:, ends[:, 0]] - data.points_m[:, ends[:, 1]], axis=-1), axis=0)
