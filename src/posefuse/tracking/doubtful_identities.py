@@ -125,9 +125,7 @@ def update_doubts(doubts: Doubts, tracks: TrackSet, outcome: FrameOutcome, setti
     projected = tracks.projected(settings.cameras[:0], settings) if observed else None
     for number in observed:
         assert projected is not None
-        p = index[number]
-        points = projected.points_m[p], projected.covariance_m2[p]
-        new = track_observation(outcome, p, *points, tracks.state.root[p].copy(), settings)
+        new = track_observation(outcome, index[number], projected, tracks, settings)
         for each in doubts.values():
             if number in each.candidates:
                 each.candidates[number].observations.append(new)

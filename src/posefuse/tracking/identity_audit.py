@@ -14,6 +14,7 @@ import numpy as np
 
 from posefuse.kernels.tracking.records import State
 from posefuse.model.options.tracking_stages import IdentityAuditOptions
+from posefuse.tracking.body_states import ProjectedBodies
 from posefuse.tracking.records import Observation, Track
 from posefuse.tracking.reidentification import same_body_log_odds
 from posefuse.tracking.settings import TrackerSettings
@@ -137,8 +138,7 @@ def observe_separated(contacts: Contacts, tracks: TrackSet, outcome: FrameOutcom
     projected = tracks.projected(settings.cameras[:0], settings)
     for p, track in enumerate(tracks.tracks):
         if outcome.supported[p].sum() > 1:
-            points = projected.points_m[p], projected.covariance_m2[p]
-            observation = track_observation(outcome, p, *points, tracks.state.root[p].copy(), settings)
+            observation = track_observation(outcome, p, projected, tracks, settings)
             add_observation(contacts, track.name, observation, settings.options.identity_audit)
 
 
@@ -155,9 +155,8 @@ def add_observation(contacts: Contacts, name: str, observation: Observation, opt
 def track_observation(
     outcome: FrameOutcome,
     p: int,
-    points_m: np.ndarray,
-    covariance_m2: np.ndarray,
-    root_m: np.ndarray,
+    projected: ProjectedBodies,
+    tracks: TrackSet,
     settings: TrackerSettings,
 ) -> Observation:
     """Return what a frame shows of a tracked person.
@@ -165,9 +164,8 @@ def track_observation(
     Args:
         outcome: Outcome of the frame.
         p: Index of the track.
-        points_m: shape (keypoint, 3): points of its body.
-        covariance_m2: shape (keypoint, 6).
-        root_m: shape (3,): position.
+        projected: Bodies of all tracks.
+        tracks: All tracks.
         settings: Settings of the tracker.
     """
     shape, frame, rows = (len(settings.rig), len(settings.skeleton)), outcome.frame, outcome.rows[p]
@@ -176,7 +174,8 @@ def track_observation(
         order = outcome.labels[p, v]
         pixels[v], confidence[v] = frame.keypoints_px[rows[v]][order], frame.confidence[rows[v]][order]
     return Observation(
-        outcome.time_s, frame.number, pixels, confidence, rows, points_m, covariance_m2, root_m, 0.0, 1.0
+        outcome.time_s, frame.number, pixels, confidence, rows, projected.points_m[p], projected.covariance_m2[p],
+        tracks.state.root[p].copy(), 0.0, 1.0,
     )  # fmt: skip
 
 
