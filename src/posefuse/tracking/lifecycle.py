@@ -45,23 +45,20 @@ class LifecycleThresholds(NamedTuple):
 
 def new_track(number: int, time_s: float, thresholds: LifecycleThresholds) -> Track:
     """Return a track that was just confirmed."""
-    track = Track(number, f"person_{number}", TrackState.ACTIVE, thresholds.initial_score, time_s, np.zeros(3))
+    track = Track(number, f"person_{number}", TrackState.ACTIVE, thresholds.initial_score, time_s)
     track.established = thresholds.initial_score >= thresholds.established_score
     return track
 
 
-def expected_views(projected: ProjectedBodies, settings: TrackerSettings) -> tuple[np.ndarray, np.ndarray]:
-    """Return which views should show each person, and where the people are.
+def expected_views(projected: ProjectedBodies, settings: TrackerSettings) -> np.ndarray:
+    """Return which views should show each person, shape (person, view), bool.
 
-    Returns:
-        Views with a large enough share of the core keypoints inside the image, shape (person, view), bool; and centers
-        of the cores, shape (person, 3), in meters.
+    A large enough share of the core keypoints must be inside the image.
     """
     should_show = np.empty(projected.pixels.shape[:2], dtype=bool)
-    centers_m = np.empty((len(should_show), 3))
     core, share = frozen(settings.core, np.int64), settings.options.lifecycle.visible_share
-    predict_visibility(projected.points_m, projected.pixels, settings.sizes_px, core, share, should_show, centers_m)
-    return should_show, centers_m
+    predict_visibility(projected.pixels, settings.sizes_px, core, share, should_show)
+    return should_show
 
 
 def update_track(
@@ -70,7 +67,6 @@ def update_track(
     thresholds: LifecycleThresholds,
     supported: np.ndarray,
     expected: np.ndarray,
-    position_m: np.ndarray,
     time_s: float,
     settings: TrackerSettings,
 ) -> list[tuple[EventKind, str]]:
@@ -82,7 +78,6 @@ def update_track(
         thresholds: Scores at which states change.
         supported: shape (view,), bool: views that support the track.
         expected: shape (view,), bool: views that should show the person.
-        position_m: shape (3,): position of the person.
         time_s: Time of the frame, in seconds.
         settings: Settings of the tracker.
 
@@ -98,11 +93,11 @@ def update_track(
     events: list[tuple[EventKind, str]] = []
     # A single view does not support a track that may be a coincidence of two views.
     if n_views >= (1 if track.established else 2) and track.state == TrackState.ACTIVE:
-        track.last_seen_s, track.last_position_m = time_s, position_m
+        track.last_seen_s = time_s
     elif n_views >= o.reacquire_views and track.state == TrackState.LOST:
         missing_s = time_s - track.last_seen_s
         events.append(("reacquired", f"seen again by {_names(supported, settings)} after {missing_s:.2f} s"))
-        track.state, track.last_seen_s, track.last_position_m = TrackState.ACTIVE, time_s, position_m
+        track.state, track.last_seen_s = TrackState.ACTIVE, time_s
         track.log_odds = max(track.log_odds, thresholds.initial_score)
     if track.state == TrackState.ACTIVE:
         missing_s = time_s - track.last_seen_s

@@ -96,12 +96,12 @@ def manage(
         setup: Setup of the tracker.
     """
     s, rejected, events = setup.settings, book.monitor.rejected, list(update.events)
-    should_show, positions_m = expected_views(prediction.projected, s)
+    should_show = expected_views(prediction.projected, s)
     outcome = FrameOutcome(
         frame.frame, frame.time_s, frame.dt_s, association.rows, association.labels, update.used, update.supported,
         should_show & frame.frame.recorded,
     )  # fmt: skip
-    events += _update_lifecycle(tracks, outcome, prediction, positions_m, rejected, setup)
+    events += _update_lifecycle(tracks, outcome, prediction, rejected, setup)
     remaining, ended = _terminate(tracks, frame, prediction, setup)
     events += ended
     outcome = outcome.select(remaining)
@@ -131,7 +131,6 @@ def _update_lifecycle(
     tracks: TrackSet,
     outcome: FrameOutcome,
     prediction: Prediction,
-    positions_m: np.ndarray,
     rejected: np.ndarray,
     setup: TrackerSetup,
 ) -> list[Event]:
@@ -145,8 +144,7 @@ def _update_lifecycle(
     thresholds = lifecycle_thresholds(setup)
     for p, track in enumerate(tracks.tracks):
         changes = update_track(
-            track, float(scores[p]), thresholds, outcome.supported[p], outcome.expected[p], positions_m[p],
-            outcome.time_s, s,
+            track, float(scores[p]), thresholds, outcome.supported[p], outcome.expected[p], outcome.time_s, s,
         )  # fmt: skip
         events += [Event(outcome.frame.number, outcome.time_s, track.name, *change) for change in changes]
         fix_shape(track, tracks.state, p, outcome.time_s, outcome.dt_s, s)

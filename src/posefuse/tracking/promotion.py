@@ -255,13 +255,13 @@ def _promote(
         tracks.append(new_track(tracks.n_created, frame.time_s, thresholds), state, s)
         add_candidate(doubts, tracks.n_created, state, tentative.observations, s)
         events.append(("confirmed", f"seen by {last.n_views} cameras with an error of {error:.1f} sigma"))
-    track = _activate(tracks.tracks[p], last, frame, setup)
+    track = _activate(tracks.tracks[p], frame, setup)
     return _Promotion(p, track.number, track.name, past, last, events, lost is not None)
 
 
-def _activate(track: Track, last: Observation, frame: FrameInput, setup: TrackerSetup) -> Track:
-    """Make a track active at an observation of this frame."""
-    track.state, track.last_position_m = TrackState.ACTIVE, last.torso_m
+def _activate(track: Track, frame: FrameInput, setup: TrackerSetup) -> Track:
+    """Make a track active in a frame that shows it."""
+    track.state = TrackState.ACTIVE
     track.last_seen_s = track.last_multiview_s = frame.time_s
     track.log_odds = lifecycle_thresholds(setup).initial_score
     return track
@@ -291,7 +291,7 @@ def _reacquire_lost(
         begin_doubt(doubts, tracks, match, found.observations[0], s)
         restore_track(tracks.state, match.track, state, s)
         tracks.reset_history(match.track, s)
-        track = _activate(tracks.tracks[match.track], last, frame, setup)
+        track = _activate(tracks.tracks[match.track], frame, setup)
         events: list[tuple[EventKind, str]] = [("reacquired", match.reason)]
         reacquired.append(_Promotion(match.track, track.number, track.name, past, last, events, True))
     return reacquired

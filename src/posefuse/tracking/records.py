@@ -25,7 +25,6 @@ class Track:
         state: ACTIVE or LOST.
         log_odds: Log odds of presence; another strategy's score.
         last_seen_s: Time of the last support, in seconds.
-        last_position_m: Position at the last support, shape (3,).
         shape_observed_s: Time for which two views have shown the person since the estimate of the bone lengths began,
             in seconds; it limits their accuracy.
         last_multiview_s: Time of the last support by two views, in seconds. A single view does not fix the distance.
@@ -41,7 +40,6 @@ class Track:
     state: TrackState
     log_odds: float
     last_seen_s: float
-    last_position_m: np.ndarray
     shape_observed_s: float = 0.0
     last_multiview_s: float = -np.inf
     last_inside_s: float = np.nan

@@ -2,7 +2,7 @@
 
 import math
 
-from posefuse.kernels.jit import kernel, subroutine
+from posefuse.kernels.jit import kernel
 from posefuse.kernels.tracking.records import GATED, USED
 
 
@@ -31,40 +31,23 @@ def count_observations(use, used_in_view, used, gated):
 
 
 @kernel
-def predict_visibility(points, pixels, sizes_px, core, min_fraction, expected, centers):
-    """Predict which views should see each person, and compute the centers of the people.
+def predict_visibility(pixels, sizes_px, core, min_fraction, expected):
+    """Predict which views should see each person.
 
     Args:
-        points: shape (person, keypoint, 3), NaN where missing.
         pixels: shape (person, view, keypoint, 2), NaN where a view cannot see the point.
         sizes_px: shape (view, 2): image sizes.
         core: shape (core,), int64: the keypoints to consider.
         min_fraction: fraction of these that must lie inside the image.
         expected: shape (person, view), bool, written.
-        centers: shape (person, 3), written: mean of the valid core points; 0 without any.
     """
-    for p in range(points.shape[0]):
-        _center(points, p, core, centers)
+    for p in range(pixels.shape[0]):
         for v in range(sizes_px.shape[0]):
             n_inside = 0
             for i in range(core.shape[0]):
                 x, y = pixels[p, v, core[i], 0], pixels[p, v, core[i], 1]
                 n_inside += 1 if 0.0 <= x < sizes_px[v, 0] and 0.0 <= y < sizes_px[v, 1] else 0
             expected[p, v] = n_inside >= min_fraction * core.shape[0]
-
-
-@subroutine
-def _center(points, p, core, centers):
-    """Write the mean of the valid core points of a person."""
-    for a in range(3):
-        total = 0.0
-        count = 0
-        for i in range(core.shape[0]):
-            value = points[p, core[i], a]
-            if math.isfinite(value):
-                total += value
-                count += 1
-        centers[p, a] = total / max(count, 1)
 
 
 @kernel
