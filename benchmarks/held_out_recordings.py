@@ -16,6 +16,7 @@ from benchmarks.walking import observe
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.pipeline.refine_calibration import refine_calibration
+from posefuse.preprocess.match_cameras import match_views
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.synthetic.rigs import build_rig
 
@@ -131,8 +132,6 @@ def some_cameras(read: Callable[[Path], Case], names: tuple[str, ...]) -> Callab
 
 def matched(case: Case) -> Case:
     """Return the cameras in the order of the views, with their names."""
-    from posefuse.preprocess.match_cameras import match_views
-
     rig, detections, _ = match_views(case.rig, case.detections, posefuse.Options())
     return replace(case, rig=rig, detections=replace(detections, view_names=rig.names))
 

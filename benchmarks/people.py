@@ -154,11 +154,11 @@ def follow(
         tuple(dict.fromkeys(event.person for event in events if event.what == "camera_rejected")),
         scene.rig.names[bumped[0]] if bumped else None,
         spent,
-        exclusive_folder(scene, told),
+        single_view_errors(scene, told),
     )
 
 
-def exclusive_folder(scene: CrowdScene, told: Sequence[People]) -> Alone:
+def single_view_errors(scene: CrowdScene, told: Sequence[People]) -> Alone:
     """Return active people observed by a single view, in a detection of one person, with that person's truth."""
     truth, views = np.asarray(scene.truth.layers["measured"].points_m), len(scene.rig)
     off, sd, squared = [], [], []
