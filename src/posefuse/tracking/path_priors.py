@@ -49,8 +49,8 @@ _MAX_LENGTH_CHANGE = 1.0
 poses, short bones grow by the errors of their ends, and those that no view tells from a turn move without a limit."""
 
 _MAX_SQUARED_ERROR = 1.5
-"""Largest typical squared error of fitted poses over that of the smoothed ones. Where errors are small and not
-correlated, deviations of the body from its model outweigh them, and fitted poses are worse."""
+"""Largest median squared error of fitted poses over that of the smoothed ones. Where errors are small and independent,
+deviations of the body from its model outweigh them, and fitted poses are worse."""
 
 _LASTING_SHARE = 0.5
 """Typical lasting offset between a joint of the body and the keypoint over the one that the noise model assumes."""
@@ -221,7 +221,8 @@ def fit_path(smoothed: State, run: Run, priors: PathPriors, settings: TrackerSet
         settings: Settings of the tracker.
 
     Returns:
-        State with one entry per frame; None if the run is too short, shows nothing, or could not be fitted.
+        State with one entry per frame; None if the run is too short, shows nothing or could not be fitted, or if fitted
+            poses of the track explain the detections worse than the smoothed ones.
     """
     lengths = priors.bodies.get(run.number)
     if len(run) < _MIN_FRAMES or not lengths or not np.isfinite(run.confidence).any():
