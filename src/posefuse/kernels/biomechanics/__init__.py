@@ -1,0 +1,1 @@
+"""Kernels of biomechanics: the anatomical chain of a person."""
