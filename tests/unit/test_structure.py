@@ -166,6 +166,7 @@ TESTED_ELSEWHERE = {
         "report/percentile_filter.py",
     ),
     "unit/skeleton/test_trees.py": ("skeleton/tree_builder.py",),
+    "unit/synthetic/test_gait_motions.py": ("synthetic/gait_plans.py",),
     "unit/synthetic/test_motions.py": ("synthetic/figures.py",),
     "unit/test_editing.py": (
         "io/edits.py",

@@ -2,11 +2,11 @@
 
 A plan states when and where each foot touches a level, and the path of the pelvis. A touching foot rolls over its heel,
 rests, and rolls over its toes; between contacts it swings to the next place. The pelvis is as high as its plan states,
-but no higher than both legs reach, and the knees follow from the lengths of the legs. Heel strikes, toe-offs and contact
+but no higher than both legs reach; the knees follow from the lengths of the legs. Heel strikes, toe-offs and contact
 are therefore known exactly, which the motions of :mod:`posefuse.synthetic.motions`, whose feet slide, do not offer.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -238,7 +238,7 @@ def _stance_pose(figure: Figure, foot: Stances, i: np.ndarray, time_s: np.ndarra
     place = foot.place_m[i] + (slid * slid * (3.0 - 2.0 * slid))[:, None] * foot.slide_m[i]
     flat, turn = _turn(foot.heading[i], np.zeros(len(t))), _turn(foot.heading[i], pitch)
     pivot = np.where((pitch > 0)[:, None], heel, toe)
-    ankle = place + [0.0, 0.0, _SOLE_M - heel[2]]
+    ankle = place + np.array([0.0, 0.0, _SOLE_M - heel[2]])
     return ankle + np.einsum("tij,tj->ti", flat - turn, pivot), turn
 
 
@@ -275,12 +275,15 @@ def _hermite(u: np.ndarray, start: np.ndarray, end: np.ndarray, rate: np.ndarray
     """Return the cubic with these values and slopes at 0 and 1."""
     rest = 1.0 - u
     return (
-        start * rest**2 * (1.0 + 2.0 * u) + end * u**2 * (1.0 + 2.0 * rest) + rate * u * rest**2 - last_rate * u**2 * rest
+        start * rest**2 * (1.0 + 2.0 * u)
+        + end * u**2 * (1.0 + 2.0 * rest)
+        + rate * u * rest**2
+        - last_rate * u**2 * rest
     )
 
 
 def stances_of(
-    times_s: np.ndarray, place_m: np.ndarray, *, roll: Callable[[int], dict[str, object]] | None = None
+    times_s: np.ndarray, place_m: np.ndarray, *, roll: Callable[[int], Mapping[str, object]] | None = None
 ) -> Stances:
     """Return stances with the pitches of walking.
 

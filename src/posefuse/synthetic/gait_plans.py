@@ -1,5 +1,6 @@
 """Plans of contacts: walking and running on a path or a treadmill, stairs, jumps, squats and sliding feet."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -174,7 +175,7 @@ def _standing_foot(
     starts = np.array([-1.0, *(off + flight for off, flight in flights)])
     ends = np.array([*(off for off, _ in flights), duration_s + 10.0])
     times = np.stack([starts, starts + 0.06, ends - 0.12, ends], axis=1)
-    rolls: list[dict[str, object]] = [{"strike_deg": -30.0, "off_deg": -45.0, "airborne": True} for _ in starts]
+    rolls: list[Mapping[str, object]] = [{"strike_deg": -30.0, "off_deg": -45.0, "airborne": True} for _ in starts]
     places = np.tile([0.0, lateral_m, 0.0, 0.0], (len(starts), 1))
     if slides:
         # Rest and slides alternate.
