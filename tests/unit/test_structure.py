@@ -43,6 +43,11 @@ TESTED_ELSEWHERE = {
         "visualize/board_sheet.py",
     ),
     "integration/test_command_line.py": ("cli/*.py",),
+    "integration/test_compare_results.py": (
+        "evaluation/result_differences.py",
+        "pipeline/compare_angles.py",
+        "report/angle_agreement.py",
+    ),
     "integration/test_existing_outputs.py": ("io/outputs.py",),
     "integration/test_refine_command.py": ("pipeline/refine_recording.py",),
     "integration/test_solved_commands.py": ("biomechanics/tables.py",),

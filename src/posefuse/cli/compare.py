@@ -1,13 +1,15 @@
 """``posefuse compare``."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from cyclopts import Parameter
 
+from posefuse.cli.compare_results import compare_two_results
 from posefuse.cli.console import Bars, count, note, say, table, wrote
-from posefuse.cli.types import InputFlags, Inputs, OptionFlags, Output, Overwrite, Recording
+from posefuse.cli.types import InputFlags, Inputs, OptionFlags, Output, Overwrite
 from posefuse.errors import OptionsError, choices, suggestion
 from posefuse.model.options.options import Options
 from posefuse.model.options.triangulation import METHODS
@@ -18,26 +20,41 @@ if TYPE_CHECKING:
 TABLE, PNG, SVG = "comparison.csv", "comparison.png", "comparison.svg"
 
 
-def compare(
-    recording: Recording,
-    *,
-    output: Output,
+@dataclass(frozen=True)
+class MethodFlags:
+    """Flags of a comparison of methods."""
+
     methods: Annotated[
         tuple[str, ...], Parameter(help="Comma-separated names that `posefuse methods` lists; by default all.")
-    ] = (),
-    inputs: Inputs = InputFlags(),  # noqa: B008
-    truth: Annotated[Path | None, Parameter(help="Ground truth, as in posefuse evaluate.")] = None,
+    ] = ()
+    truth: Annotated[Path | None, Parameter(help="Ground truth, as in posefuse evaluate.")] = None
     timing: Annotated[
         bool, Parameter(help="Measure CPU time, the only number that differs from run to run.", negative="--no-timing")
-    ] = True,
+    ] = True
+
+
+def compare(
+    recording: Annotated[Path, Parameter(help="Folder of the recording; of a result, to compare two results.")],
+    other: Annotated[Path | None, Parameter(help="Folder of the second result, of the same recording.")] = None,
+    *,
+    output: Output,
+    study: Annotated[MethodFlags, Parameter(name="*")] = MethodFlags(),
+    inputs: Inputs = InputFlags(),  # noqa: B008
     overwrite: Overwrite = False,
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
     """Triangulate a recording by several methods with otherwise equal options; write comparison.csv and a figure.
 
     --triangulation.method is ignored; every other option applies to all methods.
+
+    Two results of one recording are compared with each other: distances of points, joint angles, and the options that
+    differ. Only --layer and --overwrite apply to them.
     """
-    chosen = chosen_methods(methods)
+    if other is not None:
+        _refuse_flags(study, inputs)
+        compare_two_results(recording, other, output, options.layer, overwrite=overwrite)
+        return
+    chosen = chosen_methods(study.methods)
 
     from posefuse.io.files import must_exist, replacing_folder
     from posefuse.io.open_recording import open_recording
@@ -48,14 +65,15 @@ def compare(
     from posefuse.report.comparison import comparison_figure
 
     check_new_folder(output, overwrite=overwrite, marker=TABLE)
-    if truth is not None:
-        must_exist(truth, "truth")
+    if study.truth is not None:
+        must_exist(study.truth, "truth")
+    truth = study.truth
     truth_of = None if truth is None else lambda result: pair_with_truth(result, [truth])
     progress = Bars()
     opened = open_recording(recording, inputs.paths(), options, progress)
     with replacing_folder(output, marker=TABLE, owned=(TABLE, PNG, SVG)) as staging:
         found = compare_methods(
-            opened.rig, opened.detections, chosen, options, truth_of=truth_of, timed=timing, progress=progress
+            opened.rig, opened.detections, chosen, options, truth_of=truth_of, timed=study.timing, progress=progress
         )
         write(found, staging / TABLE)
         picture = comparison_figure(found)
@@ -63,6 +81,27 @@ def compare(
         (staging / SVG).write_bytes(picture.svg)
     show(found)
     wrote([TABLE, PNG, SVG], output)
+
+
+def _refuse_flags(study: MethodFlags, inputs: InputFlags) -> None:
+    """Refuse flags that have no effect on a comparison of two results.
+
+    Raises:
+        OptionsError: if one is given.
+    """
+    given = {
+        "--methods": bool(study.methods),
+        "--truth": study.truth is not None,
+        "--no-timing": not study.timing,
+        "--calibration": inputs.calibration is not None,
+        "--keypoints": inputs.keypoints is not None,
+        "--timestamps": inputs.timestamps is not None,
+    }
+    unused = [flag for flag, is_given in given.items() if is_given]
+    if unused:
+        raise OptionsError(
+            f"{choices(unused)}: no effect on a comparison of two results. Omit it, or name one recording."
+        )
 
 
 def chosen_methods(given: tuple[str, ...]) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from posefuse.cli.console import count, note, percent, say, table, warn
+from posefuse.cli.evaluate_angles import evaluate_angles
 from posefuse.cli.types import Overwrite, PointsUnit
 from posefuse.evaluation.accuracy import Accuracy
 from posefuse.evaluation.head_points import HeadRule
@@ -77,7 +78,7 @@ def evaluate(
         tuple[Path, ...],
         Parameter(
             help="Ground truth: a truth.nc, a result, or 3D points in any format that posefuse reads, as one file or "
-            "one per person; without it, the self-consistency of the result."
+            "one per person; or joint angles (.mot, .sto); without it, the self-consistency of the result."
         ),
     ] = (),
     *,
@@ -88,20 +89,28 @@ def evaluate(
         tuple[StateName, ...],
         Parameter(help="Track states to evaluate; by default all frames with points."),
     ] = (),
+    max_time_shift_s: Annotated[
+        float, Parameter(help="Largest time shift to search between joint angles and a reference, in s.")
+    ] = 0.0,
     numbers: Annotated[NumbersFile, Parameter(name="*")] = NumbersFile(),
 ) -> None:
     """Compare a result with ground truth and write the numbers as JSON.
 
-    Without ground truth, the command evaluates the self-consistency of the result and of its covariances.
+    Without ground truth, the command evaluates the self-consistency of the result and of its covariances. Joint angles
+    are compared with those of the result's .mot files: error, bias, limits of agreement, and a Bland-Altman figure.
 
     Several people are matched in every frame, and by name over the whole recording.
     """
     from posefuse.evaluation.self_consistency import SelfConsistency, self_consistency
     from posefuse.io.files import must_exist, replacing
+    from posefuse.io.motion_tables import is_motion_table
     from posefuse.io.outputs import check_new_files
     from posefuse.io.results.comparable import read_comparable
     from posefuse.pipeline.evaluate_files import evaluate_files
 
+    if any(is_motion_table(file) for file in truth):
+        evaluate_angles(result, truth, max_time_shift_s, numbers.json_file, overwrite=numbers.overwrite)
+        return
     opened = read_comparable(must_exist(result, "result"), length_unit)
     path, reconstruction = opened.path, opened.content
     target = numbers.json_file or path.parent / "evaluation.json"
