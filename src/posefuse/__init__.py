@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from posefuse.errors import PosefuseError as PosefuseError
     from posefuse.errors import PosefuseWarning as PosefuseWarning
     from posefuse.evaluation.accuracy import evaluate as evaluate
+    from posefuse.evaluation.angle_agreement import AngleSeries as AngleSeries
+    from posefuse.evaluation.angle_agreement import compare_angles as compare_angles
     from posefuse.evaluation.paired_results import PeoplePoints as PeoplePoints
     from posefuse.evaluation.paired_results import people_points as people_points
     from posefuse.evaluation.people import ScoringOptions as ScoringOptions
@@ -109,7 +111,9 @@ if TYPE_CHECKING:
     from posefuse.pipeline.calibrate_noise import calibrate_noise as calibrate_noise
     from posefuse.pipeline.calibrate_scene import calibrate_scene as calibrate_scene
     from posefuse.pipeline.calibration_report import write_calibration_report as write_calibration_report
+    from posefuse.pipeline.compare_angles import compare_angle_files as compare_angle_files
     from posefuse.pipeline.compare_methods import compare_methods as compare_methods
+    from posefuse.pipeline.compare_results import compare_results as compare_results
     from posefuse.pipeline.contact_sheet import write_contact_sheet as write_contact_sheet
     from posefuse.pipeline.detect import detect as detect
     from posefuse.pipeline.diagnose import inspect_health as inspect_health
@@ -153,6 +157,7 @@ _PUBLIC = {
     "editing": ("apply_edits",),
     "errors": ("PosefuseError", "PosefuseWarning"),
     "evaluation.accuracy": ("evaluate",),
+    "evaluation.angle_agreement": ("compare_angles", "AngleSeries"),
     "evaluation.paired_results": ("people_points", "PeoplePoints"),
     "evaluation.people": ("score_people", "ScoringOptions"),
     "evaluation.self_consistency": ("self_consistency",),
@@ -233,6 +238,8 @@ _PUBLIC = {
     "pipeline.detect": ("detect",),
     "pipeline.contact_sheet": ("write_contact_sheet",),
     "pipeline.diagnose": ("inspect_health", "measure_sync"),
+    "pipeline.compare_angles": ("compare_angle_files",),
+    "pipeline.compare_results": ("compare_results",),
     "pipeline.evaluate_files": ("evaluate_files",),
     "pipeline.place_calibration": ("place_calibration",),
     "pipeline.recalibrate": ("recalibrate",),

@@ -62,6 +62,8 @@ def world(tmp_path_factory) -> SimpleNamespace:
     people = track_perfectly(crowd)
     anipose.write(scene.rig, folder / "calibration.toml")
     native.write(scene.detections, folder / "keypoints.nc")
+    rows = "\n".join(f"{frame / 30} {frame}" for frame in range(9))
+    (folder / "walk.mot").write_text(f"inDegrees=yes\nendheader\ntime knee_angle_r\n{rows}\n")
     result = scene.truth
     posefuse.write(result, folder / "reconstruction.nc")
     posefuse.write(result, folder / "points.csv")
@@ -76,6 +78,7 @@ def world(tmp_path_factory) -> SimpleNamespace:
         checkpoint=posefuse.CheckpointFolder(folder / "parts", "key"),
         inferred=posefuse.InferredUp(np.array([0.0, 0.0, 1.0]), 1.0),
         alignment=posefuse.Alignment(np.eye(3), np.zeros(3)),
+        angles=posefuse.AngleSeries("walk", np.arange(4.0), ("knee_angle_r",), np.zeros((4, 1))),
         covariance=posefuse.CameraCovariance("cam_0", ("fx",), np.eye(1)),
     )  # fmt: skip
 
@@ -86,6 +89,9 @@ def arguments_of(w: SimpleNamespace, name: str) -> dict[str, Any]:
     values: dict[str, dict[str, Any]] = {
         "evaluate": {"truth": truth_from_result(w.result, w.result)},
         "evaluate_files": {"truth": w.folder / "reconstruction.nc"},
+        "compare_angles": {"result": w.angles, "reference": w.angles},
+        "compare_angle_files": {"result": w.folder / "walk.mot", "references": [w.folder / "walk.mot"]},
+        "compare_results": {"first": w.folder / "reconstruction.nc", "second": w.folder / "reconstruction.nc"},
         "people_points": {"result": w.people, "truth": w.crowd.truth},
         "read_cameras": {"path": w.folder / "calibration.toml"},
         "read_detections": {"path": w.folder / "keypoints.nc"},
@@ -157,7 +163,7 @@ def valid_call(w: SimpleNamespace, name: str, member: Any) -> tuple[Callable[...
     """Return a callable and valid keyword arguments."""
     owner, _, method = name.partition(".")
     instances = {
-        "Alignment": w.alignment, "Camera": w.scene.rig.cameras[0], "CameraRig": w.scene.rig,
+        "Alignment": w.alignment, "AngleSeries": w.angles, "Camera": w.scene.rig.cameras[0], "CameraRig": w.scene.rig,
         "CameraCovariance": w.covariance,
         "CheckpointFolder": w.checkpoint, "Detections": w.scene.detections, "Finding": None, "Frame": w.frame,
         "InferredUp": w.inferred, "Layer": w.layer, "NoiseModel": w.people.noise, "PeoplePoints": w.paired,
