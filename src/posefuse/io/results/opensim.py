@@ -16,7 +16,8 @@ import numpy as np
 
 from posefuse.arrays import ranges
 from posefuse.errors import ResultError, choices
-from posefuse.io.files import replacing, replacing_folder
+from posefuse.io.files import replacing_folder
+from posefuse.io.opensim.documents import add, add_objects, document, write_document
 from posefuse.io.results import trc
 from posefuse.io.results.format import ResultFacts, ResultFormat
 from posefuse.io.results.names import safe_names
@@ -30,7 +31,6 @@ from posefuse.skeleton.skeletons import Skeleton
 
 MARKER_FILE = "markers.xml"
 MODEL = "Rajagopal2016.osim"
-_VERSION = "40500"
 _REQUIRED = ("RHip", "LHip", "RKnee", "LKnee")
 _ACCURACY = 1e-5
 
@@ -78,7 +78,7 @@ def write(
     notes = []
     owned = (MARKER_FILE, "*.trc", "*_scaling.xml", "*_ik.xml")
     with replacing_folder(folder, MARKER_FILE, owned) as staging:
-        _write_xml(_marker_set(markers), staging / MARKER_FILE)
+        write_document(_marker_set(markers), staging / MARKER_FILE)
         for person, stem in zip(people, safe_names(people), strict=True):
             notes += _write_person(result, person, staging / stem, layer, names, markers, progress)
     unmapped = [name for name in result.skeleton.keypoints if names[name] not in MARKERS]
@@ -124,9 +124,9 @@ def _write_person(
     first, last = _longest_interval(complete) if complete.any() else _span(present)
     subject = result.options.subject
     scaling = _scaling(stem.name, markers, (seconds[first], seconds[last]), subject.mass_kg)
-    _write_xml(scaling, stem.with_name(f"{stem.name}_scaling.xml"))
+    write_document(scaling, stem.with_name(f"{stem.name}_scaling.xml"))
     first, last = _span(present)
-    _write_xml(
+    write_document(
         _inverse_kinematics(stem.name, markers, (seconds[first], seconds[last])), stem.with_name(f"{stem.name}_ik.xml")
     )
     notes = []
@@ -183,37 +183,15 @@ def _longest_interval(present: np.ndarray) -> tuple[int, int]:
     return int(edges[2 * best]), int(edges[2 * best + 1]) - 1
 
 
-def _document() -> ElementTree.Element:
-    return ElementTree.Element("OpenSimDocument", Version=_VERSION)
-
-
-def _add(parent: ElementTree.Element, tag: str, text: str | None = None, **attributes: str) -> ElementTree.Element:
-    child = ElementTree.SubElement(parent, tag, attributes)
-    child.text = text
-    return child
-
-
-def _objects(parent: ElementTree.Element, tag: str) -> ElementTree.Element:
-    """Add a set and return its list of objects."""
-    return _add(_add(parent, tag), "objects")
-
-
-def _write_xml(root: ElementTree.Element, path: Path) -> None:
-    ElementTree.indent(root)
-    with replacing(path) as temporary:
-        text = ElementTree.tostring(root, encoding="unicode")
-        temporary.write_text(f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n', "utf-8")
-
-
 def _marker_set(markers: list[str]) -> ElementTree.Element:
-    root = _document()
-    objects = _add(_add(root, "MarkerSet", name="markerset"), "objects")
+    root = document()
+    objects = add_objects(root, "MarkerSet", name="markerset")
     for name in markers:
         body, place = MARKERS[name].body, MARKERS[name].place_m
-        marker = _add(objects, "Marker", name=name)
-        _add(marker, "socket_parent_frame", f"/bodyset/{body}")
-        _add(marker, "location", " ".join(f"{value:g}" for value in place))
-        _add(marker, "fixed", "true")
+        marker = add(objects, "Marker", name=name)
+        add(marker, "socket_parent_frame", f"/bodyset/{body}")
+        add(marker, "location", " ".join(f"{value:g}" for value in place))
+        add(marker, "fixed", "true")
     return root
 
 
@@ -223,55 +201,55 @@ def _times(span: tuple[float, float]) -> str:
 
 def _scaling(person: str, markers: list[str], span: tuple[float, float], mass_kg: float | None) -> ElementTree.Element:
     """Return the setup of OpenSim's scale tool."""
-    root = _document()
-    tool = _add(root, "ScaleTool", name=person)
-    _add(tool, "mass", f"{-1.0 if mass_kg is None else mass_kg:g}")
-    maker = _add(tool, "GenericModelMaker")
-    _add(maker, "model_file", MODEL)
-    _add(maker, "marker_set_file", MARKER_FILE)
-    scaler = _add(tool, "ModelScaler")
-    _add(scaler, "apply", "true")
-    _add(scaler, "scaling_order", "measurements")
-    objects = _objects(scaler, "MeasurementSet")
+    root = document()
+    tool = add(root, "ScaleTool", name=person)
+    add(tool, "mass", f"{-1.0 if mass_kg is None else mass_kg:g}")
+    maker = add(tool, "GenericModelMaker")
+    add(maker, "model_file", MODEL)
+    add(maker, "marker_set_file", MARKER_FILE)
+    scaler = add(tool, "ModelScaler")
+    add(scaler, "apply", "true")
+    add(scaler, "scaling_order", "measurements")
+    objects = add_objects(scaler, "MeasurementSet")
     for measurement in MEASUREMENTS:
         pairs = [pair for pair in measurement.pairs if pair[0] in markers and pair[1] in markers]
         if pairs:
             _add_measurement(objects, measurement, pairs)
-    _add(scaler, "marker_file", f"{person}.trc")
-    _add(scaler, "time_range", _times(span))
-    _add(scaler, "preserve_mass_distribution", "true")
-    _add(scaler, "output_model_file", f"{person}_scaled.osim")
+    add(scaler, "marker_file", f"{person}.trc")
+    add(scaler, "time_range", _times(span))
+    add(scaler, "preserve_mass_distribution", "true")
+    add(scaler, "output_model_file", f"{person}_scaled.osim")
     # No MarkerPlacer: keypoints are joint centers, and moving them to their positions in one frame adds its errors.
     return root
 
 
 def _add_measurement(objects: ElementTree.Element, measurement: Measurement, pairs: list[tuple[str, str]]) -> None:
-    entry = _add(objects, "Measurement", name=measurement.name)
-    _add(entry, "apply", "true")
-    markers = _objects(entry, "MarkerPairSet")
+    entry = add(objects, "Measurement", name=measurement.name)
+    add(entry, "apply", "true")
+    markers = add_objects(entry, "MarkerPairSet")
     for first, second in pairs:
-        _add(_add(markers, "MarkerPair", name=f"{first}-{second}"), "markers", f"{first} {second}")
-    bodies = _objects(entry, "BodyScaleSet")
+        add(add(markers, "MarkerPair", name=f"{first}-{second}"), "markers", f"{first} {second}")
+    bodies = add_objects(entry, "BodyScaleSet")
     for body in measurement.bodies:
-        _add(_add(bodies, "BodyScale", name=body), "axes", measurement.axes)
+        add(add(bodies, "BodyScale", name=body), "axes", measurement.axes)
 
 
 def _inverse_kinematics(person: str, markers: list[str], span: tuple[float, float]) -> ElementTree.Element:
     """Return the setup of OpenSim's inverse kinematics tool."""
-    root = _document()
-    tool = _add(root, "InverseKinematicsTool", name=person)
-    _add(tool, "model_file", f"{person}_scaled.osim")
-    _add(tool, "constraint_weight", "Inf")
-    _add(tool, "accuracy", f"{_ACCURACY:g}")
-    objects = _objects(tool, "IKTaskSet")
+    root = document()
+    tool = add(root, "InverseKinematicsTool", name=person)
+    add(tool, "model_file", f"{person}_scaled.osim")
+    add(tool, "constraint_weight", "Inf")
+    add(tool, "accuracy", f"{_ACCURACY:g}")
+    objects = add_objects(tool, "IKTaskSet")
     for name in markers:
-        task = _add(objects, "IKMarkerTask", name=name)
-        _add(task, "apply", "true")
-        _add(task, "weight", f"{MARKERS[name].weight:g}")
-    _add(tool, "marker_file", f"{person}.trc")
-    _add(tool, "time_range", _times(span))
-    _add(tool, "report_errors", "true")
-    _add(tool, "output_motion_file", f"{person}_ik.mot")
+        task = add(objects, "IKMarkerTask", name=name)
+        add(task, "apply", "true")
+        add(task, "weight", f"{MARKERS[name].weight:g}")
+    add(tool, "marker_file", f"{person}.trc")
+    add(tool, "time_range", _times(span))
+    add(tool, "report_errors", "true")
+    add(tool, "output_motion_file", f"{person}_ik.mot")
     return root
 
 
