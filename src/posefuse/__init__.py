@@ -90,6 +90,7 @@ if TYPE_CHECKING:
     from posefuse.model.options.tracking_stages import PartialDetectionOptions as PartialDetectionOptions
     from posefuse.model.options.tracking_stages import ReidentificationOptions as ReidentificationOptions
     from posefuse.model.options.tracking_stages import ReinitializationOptions as ReinitializationOptions
+    from posefuse.model.options.tracking_stages import SharedDetectionOptions as SharedDetectionOptions
     from posefuse.model.options.tracking_stages import SingleViewOptions as SingleViewOptions
     from posefuse.model.options.trajectory import TrajectoryOptions as TrajectoryOptions
     from posefuse.model.options.triangulation import ConsensusOptions as ConsensusOptions
@@ -214,6 +215,7 @@ _PUBLIC = {
         "PartialDetectionOptions",
         "ReidentificationOptions",
         "ReinitializationOptions",
+        "SharedDetectionOptions",
         "SingleViewOptions",
     ),
     "model.options.trajectory": ("TrajectoryOptions",),

@@ -55,6 +55,9 @@ def detect_crowd(
     overlaps = _overlaps(exact, people.there, faults)
     if faults.track_ids:
         people.ids[:] = _identities(people.there, overlaps, rate_hz, faults, rng)
+    if faults.taken_share:
+        # A generator of its own: the other faults are those of a scene without this one.
+        _take_limbs(people, overlaps, behind, skeleton, rate_hz, faults, rng.spawn(1)[0])
     _merge(people, overlaps, staging, rate_hz, faults, rng)
     doubles = _duplicates(people, sizes, rate_hz, faults, rng)
     false_people = _false_people(exact, sizes, rate_hz, faults, rng)
@@ -132,6 +135,37 @@ def _overlaps(exact: np.ndarray, there: np.ndarray, faults: CrowdFaults) -> dict
         alike = np.minimum(height[:, :, p], height[:, :, q]) > 0.6 * np.maximum(height[:, :, p], height[:, :, q])
         found[p, q] = near & alike & there[:, :, p] & there[:, :, q]
     return found
+
+
+def _take_limbs(
+    people: DetectionSlots,
+    overlaps: dict[tuple[int, int], np.ndarray],
+    behind: np.ndarray,
+    skeleton: Skeleton,
+    rate_hz: float,
+    faults: CrowdFaults,
+    rng: np.random.Generator,
+) -> None:
+    """Replace occluded limbs of people by those of the person who overlaps them, for intervals."""
+    shape = people.there.shape[:2]
+    pixels, confidence = people.pixels.copy(), people.confidence.copy()
+    for pair, overlap in overlaps.items():
+        for p, q in (pair, pair[::-1]):
+            for limb in _limbs(skeleton):
+                occluded = 2 * behind[:, :, p][..., limb].sum(axis=-1) > len(limb)
+                taken = overlap & occluded & on_intervals(shape, faults.taken_share, _MERGE_DWELL_S, rate_hz, rng)
+                frame, view = (each[:, None] for each in np.nonzero(taken))
+                people.pixels[frame, view, p, limb] = pixels[frame, view, q, limb]
+                people.confidence[frame, view, p, limb] = confidence[frame, view, q, limb]
+
+
+def _limbs(skeleton: Skeleton) -> list[np.ndarray]:
+    """Return the keypoints of each arm and each leg, shape (keypoint,), int64."""
+    return [
+        np.array([skeleton.index(pair[side]) for pair in chain])
+        for chain in skeleton.chains.values()
+        for side in range(2)
+    ]
 
 
 def _merge(

@@ -26,6 +26,8 @@ class CrowdFaults:
         merge_share: Fraction of the time in which two people overlap in a view and give one merged detection, in
             intervals of 0.4 s.
         merge_distance: Distance of two people's centers at which they overlap, relative to their height in the image.
+        taken_share: Fraction of the time in which a detection shows a limb of an overlapping person instead of the own
+            occluded one, in intervals of 0.4 s.
         duplicate_share: Fraction of people that are detected twice, in intervals of 0.2 s.
         false_share: Fraction of frames in which a view has a false person, in intervals of 2 s.
         track_ids: Give each view's detections track IDs.
@@ -42,6 +44,7 @@ class CrowdFaults:
     miss_share: float = option(0.01, at_least=0.0, at_most=1.0)
     merge_share: float = option(0.3, at_least=0.0, at_most=1.0)
     merge_distance: float = option(0.22, at_least=0.0)
+    taken_share: float = option(0.0, at_least=0.0, at_most=1.0)
     duplicate_share: float = option(0.02, at_least=0.0, at_most=1.0)
     false_share: float = option(0.03, at_least=0.0, at_most=1.0)
     track_ids: bool = False

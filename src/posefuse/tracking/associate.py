@@ -14,6 +14,7 @@ from posefuse.tracking.fast_motion import assign_fast_motion
 from posefuse.tracking.partial_detections import merge_partial_detections
 from posefuse.tracking.predict import FrameInput, Prediction
 from posefuse.tracking.settings import TrackerSettings
+from posefuse.tracking.shared_detections import share_between_tracks
 from posefuse.tracking.strategy import TrackerSetup
 from posefuse.tracking.track_set import TrackSet
 
@@ -25,14 +26,17 @@ class Association:
     Attributes:
         frame: The detections; assigned ones hold the keypoints of partial detections merged into them.
         rows: shape (track, view), int64: assigned detections, -1 for none.
-        labels: shape (track, view, keypoint), int64: which of a detection's keypoints is the body's.
+        labels: shape (track, view, keypoint), int64: which of a detection's keypoints is the body's, -1 for none.
         explained: shape (row,), bool: detections of tracked people, whether assigned or not.
+        shared: shape (track, view), int64: detections that update the tracks: the assigned ones, and those of others
+            with keypoints of this track.
     """
 
     frame: Frame
     rows: np.ndarray
     labels: np.ndarray
     explained: np.ndarray
+    shared: np.ndarray
 
 
 def associate(
@@ -52,7 +56,7 @@ def associate(
     if not len(tracks):
         nothing = np.empty((0, views), dtype=np.int64)
         labels = np.empty((0, views, keypoints), dtype=np.int64)
-        return Association(detections, nothing, labels, np.zeros(len(detections.view), dtype=bool))
+        return Association(detections, nothing, labels, np.zeros(len(detections.view), dtype=bool), nothing)
     scores = setup.strategy.score.match(prediction.projected, detections, tracks.recent, setup.strategy.noise, s)
     rows = np.empty((len(tracks), views), dtype=np.int64)
     match_views(scores.gain, detections.view, views, scores.min_gain, rows)
@@ -68,7 +72,11 @@ def associate(
         rows, scores.swapped, scores.swap_odds, frozen(detections.track_ids, np.int64), frame.dt_s,
         tracks.recent.single_view_s, tracks.recent.swapped, tracks.recent.detector_ids,
     )  # fmt: skip
-    return Association(detections, rows, labels, scores.explained)
+    shared = rows
+    if options.shared_detections.enabled and len(tracks) > 1:
+        active = tracks.is_in_state(TrackState.ACTIVE)
+        shared = share_between_tracks(detections, rows, labels, prediction.projected, active, s)
+    return Association(detections, rows, labels, scores.explained, shared)
 
 
 def find_unassigned(

@@ -82,7 +82,8 @@ def update_contacts(
         del contacts[pair]
     if len(tracks) < 2:
         return
-    supported, expected = outcome.supported, outcome.expected
+    # Views that share one detection between two people show only one of them.
+    supported, expected = outcome.supported & (outcome.rows >= 0), outcome.expected
     # Most pairs are neither close nor were, so they cost no more than their distance.
     known = {(index[first], index[second]) for first, second in contacts}
     for (p, one), (q, other) in combinations(enumerate(state.root.tolist()), 2):
@@ -172,7 +173,11 @@ def track_observation(
     pixels, confidence = np.full((*shape, 2), np.nan), np.full(shape, np.nan)
     for v in np.flatnonzero(rows >= 0):
         order = outcome.labels[p, v]
-        pixels[v], confidence[v] = frame.keypoints_px[rows[v]][order], frame.confidence[rows[v]][order]
+        own = order >= 0
+        pixels[v, own], confidence[v, own] = (
+            frame.keypoints_px[rows[v], order[own]],
+            frame.confidence[rows[v], order[own]],
+        )
     return Observation(
         outcome.time_s, frame.number, pixels, confidence, rows, projected.points_m[p], projected.covariance_m2[p],
         tracks.state.root[p].copy(), 0.0, 1.0,

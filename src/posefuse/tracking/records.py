@@ -239,7 +239,8 @@ class Person:
         points_m: shape (keypoint, 3), NaN where the body has no such point.
         covariance_m2: shape (keypoint, 6).
         rows: shape (view,), int64: detections of the frame assigned to the person, -1 for none.
-        used: shape (view, keypoint), bool: keypoints that the update used.
+        used: shape (view, keypoint), bool: keypoints that the update used, also those of a detection of another person
+            that shows both.
         log_odds: Log odds of presence; another strategy's score.
         missing_s: Time since the last support, in seconds.
         nis: Normalized innovation squared, summed over the used keypoints; NaN for new tracks.

@@ -8,7 +8,7 @@ import numpy as np
 from posefuse.arrays import PickledByFields, frozen
 from posefuse.errors import SkeletonError
 from posefuse.kernels.tracking.error_model import ErrorModel
-from posefuse.kernels.tracking.records import Body, MotionModel, SideGroups
+from posefuse.kernels.tracking.records import Body, KeypointGraph, MotionModel, SideGroups
 from posefuse.kinematics.initial_pose import max_variances, motion_parameters
 from posefuse.model.cameras import CameraRig
 from posefuse.model.noise import NoiseModel
@@ -131,6 +131,12 @@ class TrackerSettings(PickledByFields):
         """The limbs whose sides swap together, in the form that kernels take."""
         return SideGroups(self.skeleton.mirror, self.group_of, self.n_groups)
 
+    @cached_property
+    def keypoint_graph(self) -> KeypointGraph:
+        """A spanning tree of the skeleton's edges, and the core keypoints."""
+        order, parents = _spanning_tree(self.skeleton)
+        return KeypointGraph(order, parents, self.core)
+
     def variance_px2(self, confidence: np.ndarray, view: np.ndarray) -> np.ndarray:
         """Return the noise variance per axis of keypoints by the noise model alone, shape (row, keypoint).
 
@@ -188,6 +194,26 @@ def correlation_factor(observed_s: float, options: TrackerOptions) -> float:
         1.0 + 0.5 * observed_s / max(m, MIN_MEMORY_S) for m in (options.error_memory_s, options.smoother_error_memory_s)
     )  # fmt: skip
     return max(assumed / actual, 1.0)
+
+
+def _spanning_tree(skeleton: Skeleton) -> tuple[np.ndarray, np.ndarray]:
+    """Return the keypoints, each after its parent in a spanning tree of the edges, and the parents, -1 for none."""
+    neighbors: list[list[int]] = [[] for _ in skeleton.keypoints]
+    for a, b in skeleton.edge_indices.tolist():
+        neighbors[a].append(b)
+        neighbors[b].append(a)
+    order: list[int] = []
+    parents = np.full(len(skeleton), -1)
+    for first in range(len(skeleton)):
+        waiting = [] if first in order else [first]
+        while waiting:
+            k = waiting.pop(0)
+            order.append(k)
+            for other in neighbors[k]:
+                if other not in order and other not in waiting:
+                    parents[other] = k
+                    waiting.append(other)
+    return frozen(np.array(order), np.int64), frozen(parents, np.int64)
 
 
 def _groups(skeleton: Skeleton) -> np.ndarray:

@@ -63,7 +63,7 @@ class FrameOutcome:
         time_s: Time of the frame, in seconds.
         dt_s: Time since the last frame, in seconds.
         rows: shape (track, view), int64: assigned detections, -1 for none.
-        labels: shape (track, view, keypoint), int64: which of a detection's keypoints is the body's.
+        labels: shape (track, view, keypoint), int64: which of a detection's keypoints is the body's, -1 for none.
         used: shape (track, view, keypoint), bool: keypoints that the update used.
         supported: shape (track, view), bool: views that support each track.
         expected: shape (track, view), bool: views that should show each track.

@@ -166,7 +166,7 @@ def _assigned_keypoints(
     tracks: TrackSet, now: FrameInput, association: Association, settings: TrackerSettings
 ) -> AssignedKeypoints:
     """Return the keypoints assigned to the updated tracks, as they were at the time of the frame."""
-    frame, rows = association.frame, association.rows
+    frame, rows = association.frame, association.shared
     pixels = frame.keypoints_px
     if len(tracks) and len(frame.view):
         pixels = keypoints_at_one_time(tracks.state, frame, now.time_s, rows, settings)

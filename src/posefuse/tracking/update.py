@@ -94,7 +94,7 @@ def _update_states(
     Returns:
         What each keypoint was used for, shape (track, view, keypoint), and squared innovations, shape (track,).
     """
-    s, rows = setup.settings, association.rows
+    s, rows = setup.settings, association.shared
     noise = setup.strategy.noise.update_noise(
         association.frame, rows, association.labels, tracks.recent, frame.view_dt_s, s
     )

@@ -59,6 +59,21 @@ class TestDetector:
         actual = (where > 0).mean() if kind == Kind.FALSE else where.mean() / 2
         assert actual == pytest.approx(0.1, abs=0.04 if kind == Kind.FALSE else 0.015)
 
+    def test_occluded_limbs_are_taken_from_the_person_in_front(self):
+        """In the requested share of the time, whole limbs; the rest of the scene stays the same."""
+        own, mixed = (
+            self.of_still_people(EXACT, replace(NO_FAULTS, taken_share=share), apart_m=0.3) for share in (0.0, 0.5)
+        )
+        np.testing.assert_array_equal(own.owner, mixed.owner)
+        before, after = (np.asarray(scene.detections.keypoints_px).reshape(3000, 5, 2, -1, 2) for scene in (own, mixed))
+        changed = (before != after).any(axis=-1)
+        np.testing.assert_array_equal(after[changed], before[:, :, ::-1][changed])
+        share = changed.mean(axis=0)
+        assert share.max() < 0.6
+        assert share[share > 0].mean() == pytest.approx(0.5, abs=0.05)
+        wrist, elbow = (own.detections.skeleton.index(f"left_{name}") for name in ("wrist", "elbow"))
+        np.testing.assert_array_equal(changed[..., wrist], changed[..., elbow])
+
     def test_missed_detections_have_the_requested_frequency_and_duration(self):
         scene = self.of_still_people(faults=replace(NO_FAULTS, miss_share=0.1))
         observed = has_detection(scene).reshape(3000, -1)

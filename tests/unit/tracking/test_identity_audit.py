@@ -50,7 +50,8 @@ def outcome_of(supported: np.ndarray, expected: np.ndarray, time_s: float, dt_s:
     """Return the outcome of a frame of which only the views matter."""
     nothing = np.empty(0)
     frame = Frame(np.empty((0, 1, 2)), np.empty((0, 1)), nothing, nothing, nothing, nothing)
-    return FrameOutcome(frame, time_s, dt_s, nothing, nothing, nothing, supported, expected)
+    rows = np.where(supported, 0, -1)
+    return FrameOutcome(frame, time_s, dt_s, rows, nothing, nothing, supported, expected)
 
 
 def audit(settings: TrackerSettings, reference: tuple[float, float], shown: tuple[float, float]) -> AuditResult:

@@ -13,6 +13,7 @@ from tests.unit.tracking.stage_runs import run_without
 STAGES = {
     "fast_motion": ("posefuse.tracking.associate.assign_fast_motion",),
     "partial_detections": ("posefuse.tracking.associate.merge_partial_detections",),
+    "shared_detections": ("posefuse.tracking.associate.share_between_tracks",),
     "single_view": (
         "posefuse.tracking.update.apply_posture_prior",
         "posefuse.tracking.update.apply_height_prior",

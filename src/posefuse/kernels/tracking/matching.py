@@ -36,7 +36,7 @@ def keypoint_log_odds(du, dv, uu, uv, vv, nu, area, min_log_odds, min_odds):
     return ratio if ratio > min_log_odds else min_log_odds
 
 
-class _Scoring(NamedTuple):
+class Scoring(NamedTuple):
     """What scores a keypoint: noise variances, shape (row, keypoint), px^2, and numbers.
 
     The numbers are those of the error model and of MatchParameters, and ``min_odds = exp(-min_log_odds)``.
@@ -62,7 +62,7 @@ class _AssignmentWorkspace(NamedTuple):
 
 
 @subroutine
-def _score_keypoint(projected, keypoints_px, scoring, p, row, v, k, label):
+def score_keypoint(projected, keypoints_px, scoring, p, row, v, k, label):
     """Return the log odds of one keypoint under one label, NaN where it is missing."""
     noise_px2 = scoring.noise_px2
     du = keypoints_px[row, label, 0] - projected.pixels[p, v, k, 0]
@@ -87,7 +87,7 @@ def _score_keypoint(projected, keypoints_px, scoring, p, row, v, k, label):
 
 
 @subroutine
-def _compute_noise(confidence, view_of_row, error_model, noise_px2):
+def compute_noise(confidence, view_of_row, error_model, noise_px2):
     """Write the noise variance of each keypoint, px^2 per axis; NaN where its confidence is too low."""
     for row in range(confidence.shape[0]):
         scale = error_model.scale_px[view_of_row[row]]
@@ -116,8 +116,8 @@ def score_detections(projected, detections, sides, error_model, swap_probability
     scores, swapped, swap_odds = out
     pixels = projected.pixels
     noise_px2 = np.empty(confidence.shape)
-    _compute_noise(confidence, view_of_row, error_model, noise_px2)
-    scoring = _Scoring(noise_px2, error_model.floor_m, error_model.nu, clutter_m, min_log_odds, math.exp(-min_log_odds))
+    compute_noise(confidence, view_of_row, error_model, noise_px2)
+    scoring = Scoring(noise_px2, error_model.floor_m, error_model.nu, clutter_m, min_log_odds, math.exp(-min_log_odds))
     unswapped_score = np.empty(n_groups)
     swapped_score = np.empty(n_groups)
     prior = np.empty((pixels.shape[1], n_groups))
@@ -133,13 +133,13 @@ def score_detections(projected, detections, sides, error_model, swap_probability
                 unswapped_score[g] = 0.0
                 swapped_score[g] = 0.0
             for k in range(mirror.shape[0]):
-                unswapped = _score_keypoint(projected, keypoints_px, scoring, p, row, v, k, k)
+                unswapped = score_keypoint(projected, keypoints_px, scoring, p, row, v, k, k)
                 count += 1 if unswapped == unswapped else 0
                 g = group_of[k]
                 if g < 0:
                     total += unswapped if unswapped == unswapped else 0.0
                     continue
-                mirrored = _score_keypoint(projected, keypoints_px, scoring, p, row, v, k, mirror[k])
+                mirrored = score_keypoint(projected, keypoints_px, scoring, p, row, v, k, mirror[k])
                 unswapped_score[g] += unswapped if unswapped == unswapped else 0.0
                 swapped_score[g] += mirrored if mirrored == mirrored else 0.0
             for g in range(n_groups):

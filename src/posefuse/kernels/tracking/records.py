@@ -137,6 +137,35 @@ class UpdateResults(NamedTuple):
     surprise: Any
 
 
+class KeypointGraph(NamedTuple):
+    """Keypoints connected by edges.
+
+    Attributes:
+        order: shape (keypoint,), int64: keypoints, each after its parent in a spanning tree of the edges.
+        parents: shape (keypoint,), int64: parent of each keypoint, -1 for none.
+        core: shape (core,), int64: keypoints that locate a body.
+    """
+
+    order: Any
+    parents: Any
+    core: Any
+
+
+class SharedAssignment(NamedTuple):
+    """Assignment of detections of which some show two people.
+
+    Attributes:
+        rows: shape (track, view), int64: assigned detections, -1 for none.
+        labels: shape (track, view, keypoint), int64, in and out: the keypoint of the detection that observes each
+            keypoint; -1 where it is another person's.
+        shared: shape (track, view), int64, written: ``rows``, and detections of others that show the person as well.
+    """
+
+    rows: Any
+    labels: Any
+    shared: Any
+
+
 class SideGroups(NamedTuple):
     """Limbs whose sides swap together.
 

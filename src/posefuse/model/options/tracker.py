@@ -21,6 +21,7 @@ from posefuse.model.options.tracking_stages import (
     PartialDetectionOptions,
     ReidentificationOptions,
     ReinitializationOptions,
+    SharedDetectionOptions,
     SingleViewOptions,
 )
 
@@ -103,6 +104,7 @@ class TrackerOptions:
         identity_audit: Comparison of bone lengths after close contact.
         reinitialization: Reinitialization of limbs and directions.
         partial_detections: Merging of partial detections.
+        shared_detections: Sharing of detections between two people in contact.
         reidentification: Re-identification of lost people.
         motion: Motion model of bodies.
         parts: Tracking of hands and faces.
@@ -157,6 +159,7 @@ class TrackerOptions:
     identity_audit: IdentityAuditOptions = field(default_factory=IdentityAuditOptions)
     reinitialization: ReinitializationOptions = field(default_factory=ReinitializationOptions)
     partial_detections: PartialDetectionOptions = field(default_factory=PartialDetectionOptions)
+    shared_detections: SharedDetectionOptions = field(default_factory=SharedDetectionOptions)
     reidentification: ReidentificationOptions = field(default_factory=ReidentificationOptions)
     motion: MotionOptions = field(default_factory=MotionOptions)
     parts: PartOptions = field(default_factory=PartOptions)
@@ -202,6 +205,7 @@ class TrackerOptions:
             fast_motion=replace(fast, onset_s=fast.onset_s * time_factor(scale)),
             single_view=_scaled(self.single_view, scale, "height_sd_m"),
             identity_audit=_scaled(self.identity_audit, scale, "near_m", "apart_m"),
+            shared_detections=_scaled(self.shared_detections, scale, "distance_m"),
             reidentification=_scaled(self.reidentification, scale, "length_sd_m", "reach_m", "room_m", "trunk_sd_m"),
             motion=self.motion.in_proportion(scale),
             specification=self.specification.in_proportion(scale),

@@ -190,6 +190,28 @@ class PartialDetectionOptions:
 
 
 @dataclass(frozen=True)
+class SharedDetectionOptions:
+    """Sharing of one detection between two people in close contact.
+
+    Attributes:
+        enabled: Whether a detection with keypoints of two people updates both of them.
+        distance_m: Maximum distance in the image between the centers of two people who share a detection, in meters at
+            their depth.
+        edge_evidence: Evidence against two neighboring keypoints of a detection being those of different people, in
+            nats.
+        min_evidence: Minimum evidence that the second person's keypoints are not the first one's, in nats.
+    """
+
+    enabled: bool = True
+    distance_m: float = option(0.7, at_least=0.0)
+    edge_evidence: float = option(1.0, at_least=0.0, unit="nats")
+    min_evidence: float = option(6.0, at_least=0.0, unit="nats")
+
+    def __post_init__(self) -> None:
+        check_fields(self, "tracker.shared_detections")
+
+
+@dataclass(frozen=True)
 class ReidentificationOptions:
     """Re-identification of new people as lost ones.
 

@@ -94,15 +94,16 @@ class RecursiveNoise:
     ) -> UpdateNoise:
         """Encode the variances as confidences of a noise model that has the largest noise at confidence 1.
 
-        A detection is assigned to at most one person, so its confidences can encode that person's variances.
+        A keypoint is assigned to at most one person, so its confidence encodes that person's variances.
         Frames count as independent.
         """
         most_px = settings.options.specification.max_noise * settings.law.scale_px
         confidence = np.zeros(frame.confidence.shape)
         for p, v in zip(*np.nonzero(rows >= 0), strict=True):
-            row, order = rows[p, v], labels[p, v]
+            row, own = rows[p, v], labels[p, v] >= 0
+            order = labels[p, v, own]
             base = settings.variance_px2(frame.confidence[row : row + 1], np.array([v]))[0]
-            known = recent.noise_px2[p, v]
+            known = recent.noise_px2[p, v, own]
             variance = np.where(np.isfinite(known), known, base[order])
             variance = _clip(variance[None], np.array([v]), settings)[0]
             usable = _is_usable(frame.confidence[row], settings)[order]
@@ -220,7 +221,7 @@ class CoreBody:
 def configure(settings: TrackerSettings) -> TrackerSettings:
     """Return the settings with the strategy's rules of termination, with lengths fixed once, and without a smoother.
 
-    The covariances of the strategy do not allow a smoother to use later frames.
+    Each detection belongs to one person. The covariances of the strategy do not allow a smoother to use later frames.
 
     Raises:
         OptionsError: If a joint weight is of a keypoint that the skeleton lacks.
@@ -239,6 +240,7 @@ def configure(settings: TrackerSettings) -> TrackerSettings:
     options = replace(
         options, smoother="none", terminate_beyond_m=beyond_m, terminate_outside_after_s=outside_s,
         fix_shape_sd_m=None, reopen_shape_sigma=None,
+        shared_detections=replace(options.shared_detections, enabled=False),
     )  # fmt: skip
     return replace(settings, options=options)
 
