@@ -33,7 +33,7 @@ def sample_findings(
     found = (
         coincidence_finding(rig),
         agreement_finding([layer], rig, noise),
-        camera_finding([layer], rig),
+        camera_finding([layer], rig, noise),
         *floor_findings(points, skeleton, rig),
     )
     sentences = tuple(finding for finding in found if finding is not None)

@@ -49,12 +49,13 @@ def agreement_finding(layers: Sequence[Layer], rig: CameraRig, noise: NoiseModel
     )
 
 
-def camera_finding(layers: Sequence[Layer], rig: CameraRig) -> str | None:
+def camera_finding(layers: Sequence[Layer], rig: CameraRig, noise: NoiseModel) -> str | None:
     """Return a sentence if most detections of single cameras contradict the others, else None.
 
     Args:
         layers: sample of the recording, with outliers rejected.
         rig: the cameras.
+        noise: estimated error model of the detections.
     """
     view_status = np.concatenate([np.asarray(layer.view_status).reshape(-1, len(rig)) for layer in layers])
     rejected = (view_status == ViewStatus.OUTLIER).sum(axis=0)
@@ -66,10 +67,12 @@ def camera_finding(layers: Sequence[Layer], rig: CameraRig) -> str | None:
         return None
     shares = ", ".join(f"{rig.names[v]!r} ({100 * share[v]:.0f} %)" for v in wrong)
     several = len(wrong) > 1
+    consequence = " Its detections are not used." if not several else " Their detections are not used."
     return (
         f"Most detections of camera{'s' * several} {shares} contradict the other cameras. "
         f"{'Their' if several else 'Its'} calibration is wrong or belongs to another camera, the camera was moved, or "
-        "it shows another scene. Use `exclude_camera` to exclude a camera."
+        f"it shows another scene.{'' if noise.is_used[wrong].any() else consequence} Use `exclude_camera` to exclude a "
+        "camera."
     )
 
 

@@ -9,6 +9,9 @@ from posefuse.arguments import checked
 from posefuse.arrays import PickledByFields, frozen, same
 from posefuse.errors import OptionsError
 
+NOT_USED = 1000.0
+"""Multiple of the noise of the other cameras with which a camera determines nothing."""
+
 
 @checked
 @dataclass(frozen=True, eq=False)
@@ -42,6 +45,11 @@ class NoiseModel(PickledByFields):
             raise OptionsError(f"The noise spread must be positive, got {self.spread}.")
         if not self.exponent >= 0:
             raise OptionsError(f"The noise exponent must be 0 or more, got {self.exponent}.")
+
+    @property
+    def is_used(self) -> np.ndarray:
+        """Return which cameras determine points, shape (view,), bool: those with at most 100 times the median noise."""
+        return self.scale_px <= 0.1 * NOT_USED * np.median(self.scale_px)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, NoiseModel) and all(

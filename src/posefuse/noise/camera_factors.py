@@ -32,17 +32,18 @@ _START = 9.0
 """Variance to start with, above that of slightly wrong cameras in three views, so that their errors are not gross."""
 
 _MIN_NEAR_SHARE = 0.6
-"""A camera with fewer observations that are no gross errors shows something else; its views are rejected, not trusted
-less."""
+"""A camera with fewer observations that are no gross errors shows something else, and its factor means nothing."""
 
 _CHANCE = 0.15
 """Largest logarithm of a factor that counts as chance."""
 
-_MIN_FACTOR, _MAX_FACTOR = 0.1, 12.0
+_MIN_FACTOR = 0.1
 
 
 def camera_factors(points: LinearPoints, sigma_px: np.ndarray) -> np.ndarray:
     """Return the ratio of each camera's errors to the assumed noise, relative to the other cameras, shape (view,).
+
+    A camera of which most observations are gross errors has the factor inf.
 
     Args:
         points: observations, linearized at the triangulated points.
@@ -66,10 +67,13 @@ def camera_factors(points: LinearPoints, sigma_px: np.ndarray) -> np.ndarray:
         variance, near = _variances(part_points, sigma_px[part], variance)
     logs = 0.5 * np.log(variance)
     logs -= np.median(logs)
-    logs[near < _MIN_NEAR_SHARE * seen[rows].sum(axis=0)] = 0.0
+    gross = near < _MIN_NEAR_SHARE * seen[rows].sum(axis=0)
+    if gross.all():
+        return np.ones(len(n))
+    logs = np.where(gross, np.inf, logs)
     if np.abs(logs).max() < _CHANCE:
         return np.ones(len(n))
-    return np.clip(np.exp(logs), _MIN_FACTOR, _MAX_FACTOR)
+    return np.maximum(np.exp(logs), _MIN_FACTOR)
 
 
 def _variances(points: LinearPoints, sigma_px: np.ndarray, variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

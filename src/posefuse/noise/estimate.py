@@ -7,13 +7,18 @@ import numpy as np
 
 from posefuse.errors import DetectionsError, OptionsError, choices
 from posefuse.model.cameras import CameraRig
-from posefuse.model.noise import NoiseModel
+from posefuse.model.noise import NOT_USED, NoiseModel
 from posefuse.model.options.options import Options
 from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.noise import scales
 from posefuse.noise.leave_one_out import leave_one_out_points
 from posefuse.noise.samples import Sample, Samples
+from posefuse.noise.systematic_errors import (
+    predicts_as_well,
+    with_systematic_errors,
+    without_views,
+)
 from posefuse.progress import Progress
 from posefuse.triangulation import consensus
 
@@ -152,7 +157,7 @@ def _search(agreement: _Agreement, samples: Samples, default: NoiseModel, progre
     trial = _self_consistent(agreement, samples.small, start, np.ones(len(rig)), progress) or default
     sample = samples.large
     layer = agreement(sample, trial)
-    factor = scales.relative_factors(rig, sample, layer, trial)
+    factor, wrong = scales.relative_factors(rig, sample, layer, trial)
     while np.ptp(factor) > 0.0:
         unequal = replace(trial, scale_px=np.maximum(_RESTART * trial.scale_px, start.scale_px) * factor)
         found = _self_consistent(agreement, samples.small, unequal, factor, progress)
@@ -162,13 +167,42 @@ def _search(agreement: _Agreement, samples: Samples, default: NoiseModel, progre
             trial = found or trial
             layer = agreement(sample, trial)
             break
-        factor = np.where(gross, 1.0, factor)
+        factor, wrong = np.where(gross, 1.0, factor), wrong | gross
     progress.finish()
     noise = scales.inlier_scales(rig, sample, layer, trial)
     if noise is None:
         return NoiseEstimate(default, layer)
     layer = agreement(sample, noise)
-    return NoiseEstimate(replace(noise, spread=scales.residual_spread(rig, sample, layer, noise)), layer)
+    noise = replace(noise, spread=scales.residual_spread(rig, sample, layer, noise))
+    if not wrong.any():
+        return NoiseEstimate(with_systematic_errors(rig, samples, layer, noise, agreement), layer)
+    return NoiseEstimate(_without_wrong_cameras(agreement, samples, default, noise, wrong, progress), layer)
+
+
+def _without_wrong_cameras(
+    agreement: _Agreement,
+    samples: Samples,
+    default: NoiseModel,
+    noise: NoiseModel,
+    wrong: np.ndarray,
+    progress: Progress,
+) -> NoiseModel:
+    """Return noise with which cameras that contradict the others determine nothing, if the others agree as well so.
+
+    Args:
+        agreement: triangulates a sample.
+        samples: samples of the recording.
+        default: the noise to return where the recording has too few points.
+        noise: the noise with the common scale for all of these cameras.
+        wrong: shape (view,), bool: the cameras.
+        progress: receives the progress.
+    """
+    trial = replace(noise, scale_px=np.where(wrong, NOT_USED * noise.scale_px, noise.scale_px))
+    if not predicts_as_well(agreement.rig, samples.small, noise, trial, agreement):
+        return noise
+    others = Samples(*(without_views(each, wrong) for each in (samples.small, samples.large)))
+    found = _search(agreement, others, default, progress).noise
+    return replace(found, scale_px=np.where(wrong, NOT_USED * found.scale_px, found.scale_px))
 
 
 def _self_consistent(

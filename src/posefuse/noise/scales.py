@@ -22,6 +22,9 @@ _SMALLEST_PX_AT_1000 = 0.1
 _CONVERGED_RATIO = 1.1
 _MAX_STEP_RATIO = 2.5
 _MIN_SCALE_PX = 1e-3
+_MIN_USED_SHARE = 0.4
+"""A camera with fewer accepted detections contradicts the others."""
+
 _PREDICTED_OBSERVATIONS = 2400
 """Observations whose prediction decides whether the cameras differ."""
 
@@ -81,14 +84,21 @@ def common_scale(
     return NoiseModel(scale * factor, before.exponent, "estimated")
 
 
-def relative_factors(rig: CameraRig, sample: Sample, layer: Layer, noise: NoiseModel) -> np.ndarray:
-    """Return each camera's noise relative to the common scale, shape (view,); 1 if that predicts views as well.
+def relative_factors(rig: CameraRig, sample: Sample, layer: Layer, noise: NoiseModel) -> tuple[np.ndarray, np.ndarray]:
+    """Return each camera's noise relative to the common scale, and which cameras contradict the others.
 
     The arguments are those of :func:`common_scale`; the noise is equal for all cameras.
+
+    Returns:
+        Shape (view,): factors, 1 if that predicts views as well. Shape (view,), bool: cameras with factor 1 of which
+        most detections contradict the others.
     """
     found = leave_one_out_points(rig, sample, layer, noise, choose=has_three_views)
     factor = camera_factors(found.points, found.sigma_px)
-    return factors_by_prediction(found.take(_PREDICTED_OBSERVATIONS // len(rig)), factor)
+    seen = np.isfinite(found.sigma_px).sum(axis=0)
+    wrong = np.isinf(factor) | ((seen >= _MIN_POINTS) & (found.used.sum(axis=0) < _MIN_USED_SHARE * seen))
+    factor = np.where(wrong, 1.0, factor)
+    return factors_by_prediction(found.take(_PREDICTED_OBSERVATIONS // len(rig)), factor), wrong
 
 
 def exceeds_usable_noise(rig: CameraRig, noise: NoiseModel) -> np.ndarray:

@@ -13,8 +13,10 @@ from posefuse.left_right import relabel
 from posefuse.model.detections import Detections
 from posefuse.model.label_swaps import Swaps
 from posefuse.model.layer_statuses import with_true_statuses
+from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.result_ranges import FrameRange
+from posefuse.model.status import ViewStatus, is_used
 from posefuse.model.tracks import Tracks
 from posefuse.pipeline import solved_layer
 from posefuse.pipeline.people import WholeSmoother
@@ -199,4 +201,15 @@ def measure_layer(plan: Plan, detections: Detections, tracks: Tracks) -> tuple[L
         layer = method.solve(rig, detections, tracks, noise, options.triangulation)
     else:
         layer, swaps = relabel.solve(rig, detections, tracks, noise, options)
-    return replace(layer, covariance_m2=np.asarray(layer.covariance_m2) * noise.spread**2), swaps
+    layer = replace(layer, covariance_m2=np.asarray(layer.covariance_m2) * noise.spread**2)
+    return _with_rejected_cameras(layer, noise), swaps
+
+
+def _with_rejected_cameras(layer: Layer, noise: NoiseModel) -> Layer:
+    """Return the layer with cameras that determine nothing as rejected views, where two others determine the point."""
+    if noise.is_used.all():
+        return layer
+    status = np.asarray(layer.view_status)
+    determined = (is_used(status) & noise.is_used).sum(axis=-1, keepdims=True) > 1
+    rejected = is_used(status) & ~noise.is_used & determined
+    return replace(layer, view_status=np.where(rejected, ViewStatus.OUTLIER, status).astype(status.dtype))

@@ -87,7 +87,8 @@ class PersonObservations:
         confidence = np.where(np.isfinite(confidence), confidence, 1.0)
         with np.errstate(divide="ignore"):
             sigma = noise.scale_px[:, None] / confidence**noise.exponent
-        sigma = np.where(np.isin(np.moveaxis(status, 1, 2), _VALID_STATUSES), sigma, np.inf)
+        counts = np.isin(np.moveaxis(status, 1, 2), _VALID_STATUSES) & noise.is_used[:, None]
+        sigma = np.where(counts, sigma, np.inf)
         return cls(
             rig=measured_range.rig,
             time_s=frame_times_s(detections),

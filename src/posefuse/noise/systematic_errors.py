@@ -1,0 +1,141 @@
+"""Increase the noise of cameras whose errors last, as from a wrong pose, clock or lens.
+
+Noise averages out over frames, and a lasting error does not. The variance of the lasting part is therefore multiplied
+by the number of independent errors over which points are averaged. A camera that contradicts the others in most of its
+detections determines nothing. The noise is increased only if left-out views of the other cameras are predicted as well
+as before. See docs/methods/noise.md.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from posefuse.model.cameras import CameraRig
+from posefuse.model.noise import NoiseModel
+from posefuse.model.reconstruction import Layer
+from posefuse.model.tracks import Tracks
+from posefuse.noise.leave_one_out import LeaveOneOutPoints, has_three_views, leave_one_out_points
+from posefuse.noise.samples import Sample, Samples
+
+Agreement = Callable[[Sample, NoiseModel], Layer]
+"""Triangulates a sample so that views that contradict the others are rejected."""
+
+_AVERAGED = 10.0
+"""Number of independent errors over which points are averaged. The error of solved points changes little between 5 and
+25."""
+
+_MIN_OTHERS = 3
+"""Cameras that must agree: with two, nothing predicts a view that is left out."""
+
+_MIN_SHARE = 0.2
+"""Lasting variance, relative to the common noise, below which cameras differ by chance."""
+
+_MAX_RATIO = 1.5
+"""Cameras with more than this multiple of the median noise are not among those that must agree."""
+
+_MIN_POINTS = 30
+_TOLERANCE = 0.01
+"""Largest relative increase of the prediction errors that counts as none."""
+
+_MIN_ERROR_PX = 1e-3
+_NEAR = 25.0
+_MIN_DETERMINANT = 1e-4
+
+
+def with_systematic_errors(
+    rig: CameraRig, samples: Samples, layer: Layer, noise: NoiseModel, agreement: Agreement
+) -> NoiseModel:
+    """Return the noise with more of it in cameras with a systematic error.
+
+    Args:
+        rig: calibrated cameras.
+        samples: samples of the recording.
+        layer: the large sample as the method ``consensus`` triangulates it.
+        noise: its noise.
+        agreement: triangulates a sample.
+    """
+    if len(rig) <= _MIN_OTHERS:
+        return noise
+    candidates = np.ones(len(rig), dtype=bool)
+    found = leave_one_out_points(rig, samples.large, layer, noise, choose=has_three_views)
+    common_px2 = float(np.median(noise.scale_px)) ** 2
+    while candidates.any():
+        # The largest error first: the left-out views of the other cameras show a part of it.
+        lasting_px2 = np.where(candidates, _lasting_px2(found, noise, layer.points_m.shape[2]), 0.0)
+        view = int(lasting_px2.argmax())
+        if lasting_px2[view] < _MIN_SHARE * common_px2:
+            break
+        scale = noise.scale_px.copy()
+        scale[view] = np.sqrt(scale[view] ** 2 + (_AVERAGED - 1.0) * lasting_px2[view])
+        trial = replace(noise, scale_px=scale)
+        noise = trial if predicts_as_well(rig, samples.small, noise, trial, agreement) else noise
+        candidates[view] = False
+    return noise
+
+
+def without_views(sample: Sample, views: np.ndarray) -> Sample:
+    """Return a sample in which no detection of some views, shape (view,), bool, is assigned."""
+    detection = np.where(views, -1, np.asarray(sample.tracks.detection))
+    return replace(sample, tracks=Tracks(sample.tracks.person_ids, detection, sample.tracks.state))
+
+
+def predicts_as_well(
+    rig: CameraRig, sample: Sample, noise: NoiseModel, trial: NoiseModel, agreement: Agreement
+) -> bool:
+    """Return whether more noise of some cameras predicts the others' views as well as before, each left out in turn.
+
+    Errors are averaged over the frames of each piece of the sample. Fewer than three others predict nothing.
+    """
+    trusted = np.flatnonzero(trial.scale_px < _MAX_RATIO * np.median(trial.scale_px))
+    if len(trusted) < _MIN_OTHERS:
+        return False
+    logs = []
+    for view in trusted:
+        rows = sample.tracks.rows(sample.detections)[:, :, view]
+        pixels = np.asarray(sample.detections.keypoints_px)[np.maximum(rows, 0)]
+        seen_px = np.where((rows >= 0)[..., None, None], pixels, np.nan)
+        others = without_views(sample, np.arange(len(rig)) == view)
+        points = [np.asarray(agreement(others, each).points_m) for each in (noise, trial)]
+        errors_px = np.array([rig.cameras[view].project(each)[0] - seen_px for each in points])
+        errors_px[:, ~np.isfinite(errors_px).all(axis=(0, -1))] = np.nan
+        logs += [_log_means(errors_px[:, start:stop]) for start, stop in pairwise((*sample.starts, len(rows)))]
+    before, after = np.concatenate(logs, axis=1).sum(axis=1)
+    return bool(after - before <= _TOLERANCE * sum(each.shape[1] for each in logs))
+
+
+def _lasting_px2(found: LeaveOneOutPoints, noise: NoiseModel, keypoints: int) -> np.ndarray:
+    """Return the variance of each camera's lasting errors beyond that of the other cameras, shape (view,), px^2.
+
+    Errors of a keypoint last in all cameras, because a detector places it consistently.
+    """
+    seen = np.isfinite(found.sigma_px)
+    sigma_px = np.where(seen, noise.scale_px / found.confidence**noise.exponent, np.inf)
+    fit = found.points.fit(sigma_px)
+    residual, inverse = fit.leave_one_out()
+    squared = np.einsum("pvi,pvij,pvj->pv", residual, inverse, residual)
+    determinant = inverse[..., 0, 0] * inverse[..., 1, 1] - inverse[..., 0, 1] ** 2
+    near = fit.used & (squared < _NEAR) & (determinant > _MIN_DETERMINANT)
+    error_px = np.where(near[..., None], residual * np.where(near, sigma_px, 0.0)[..., None], 0.0)
+    keypoint = found.column % keypoints
+    total, power = np.zeros(near.shape[1]), np.zeros(near.shape[1])
+    for each in np.unique(keypoint):
+        n = near[keypoint == each].sum(axis=0)
+        mean = error_px[keypoint == each].sum(axis=0) / np.maximum(n, 1)[:, None]
+        power += n * 0.5 * np.square(mean).sum(axis=-1)
+        total += n
+    power /= np.maximum(total, 1.0)
+    excess = np.where(total < _MIN_POINTS, 0.0, power - np.median(power))
+    return np.clip(excess, 0.0, np.square(noise.scale_px))
+
+
+def _log_means(errors_px: np.ndarray) -> np.ndarray:
+    """Return the logarithms of mean errors over frames, shape (noise, column).
+
+    Args:
+        errors_px: shape (noise, frame, person, keypoint, 2), NaN where either is unknown.
+    """
+    n = np.isfinite(errors_px).sum(axis=1)[..., 0]
+    mean = np.nansum(errors_px, axis=1)[:, n[0] > 0] / n[:, n[0] > 0, None]
+    return np.log(np.maximum(np.linalg.norm(mean, axis=-1), _MIN_ERROR_PX))
