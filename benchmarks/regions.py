@@ -140,7 +140,7 @@ def groups(skeleton: Skeleton) -> dict[str, np.ndarray]:
         hands, face = np.zeros(len(names), dtype=bool), np.zeros(len(names), dtype=bool)
         for part in skeleton.parts:
             (hands if "hand" in part.name else face)[part.keypoints] = True
-        tips = np.array([bool(re.search("hand.*4$|tip", name)) for name in names]) & hands
+        tips = np.array([bool(re.search("(finger|thumb)_4$|tip", name)) for name in names]) & hands
         return {"body": ~hands & ~face, "hands": hands, "fingertips": tips, "face": face}
     patterns = {
         "head": "nose|eye|ear|head|mouth|neck",
