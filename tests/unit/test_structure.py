@@ -67,6 +67,15 @@ TESTED_ELSEWHERE = {
     "unit/alignment/test_apply.py": ("model/alignment.py",),
     "unit/association/test_groups.py": ("association/group_points.py",),
     "unit/association/test_proposals.py": ("model/proposals.py",),
+    "unit/biomechanics/test_gait.py": (
+        "biomechanics/contact.py",
+        "biomechanics/contact_times.py",
+        "biomechanics/floor_levels.py",
+        "biomechanics/foot_paths.py",
+        "biomechanics/gait_events.py",
+        "biomechanics/gait_parameters.py",
+        "biomechanics/repetitions.py",
+    ),
     "unit/calibration/scene/test_calibration.py": ("calibration/scene/first_pose.py",),
     "unit/calibration/test_refine.py": (
         "calibration/checks.py",

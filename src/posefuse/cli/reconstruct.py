@@ -99,6 +99,8 @@ def reconstruct(
         return
     result = outcome.open()
     describe_result(result)
+    for line in outcome.gait:
+        note(f"gait and repetitions: {line}")
     for remark in outcome.remarks:
         note(f"note: {remark}")
     wrote(outcome.files, output, layer_remark(outcome.files, outcome.layer, outputs.also))

@@ -12,6 +12,7 @@ from posefuse.errors import ResultError, choices
 EventKind = Literal[
     "confirmed", "lost", "reacquired", "reidentified", "terminated", "possible_identity_switch", "identities_swapped",
     "limb_reinitialized", "lengths_reestimated", "camera_rejected", "camera_restored", "camera_silent", "camera_back",
+    "heel_strike", "toe_off", "jump", "squat", "sit_to_stand",
 ]  # fmt: skip
 
 EVENT_KINDS: dict[EventKind, str] = {
@@ -28,6 +29,11 @@ EVENT_KINDS: dict[EventKind, str] = {
     "camera_restored": "A rejected camera agrees with the others again.",
     "camera_silent": "A camera delivers no frames, or shows no person where other cameras show people.",
     "camera_back": "A silent camera delivers frames and detections again.",
+    "heel_strike": "A foot touches the ground in a bout of gait.",
+    "toe_off": "A foot leaves the ground in a bout of gait.",
+    "jump": "Both feet leave the ground at once.",
+    "squat": "The pelvis begins to sink and later rises again.",
+    "sit_to_stand": "The person begins to rise from a seat.",
 }
 """Kinds of events with one sentence each, in the order in which reports list them."""
 
@@ -47,7 +53,7 @@ def current_event_kind(name: str) -> str:
 
 @dataclass(frozen=True)
 class Event:
-    """An event of a track or a camera.
+    """An event of a track, a camera or a movement.
 
     Attributes:
         number: Number of the frame.

@@ -62,6 +62,7 @@ class Outcome:
         notes: notes of the readers and stages.
         remarks: what the formats cannot hold.
         partial: why the result does not cover the whole recording; empty if it does.
+        gait: a line for each person with gait, jumps, squats or rises from a seat.
         kept: whether the folder already contained the result, so that nothing was done.
     """
 
@@ -72,6 +73,7 @@ class Outcome:
     notes: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     partial: str = ""
+    gait: tuple[str, ...] = ()
     kept: bool = False
 
     def open(self) -> Reconstruction:
@@ -287,7 +289,9 @@ class _Run:
         debug = () if plan is None else write_debug_figures(plan, result, self.staging, self.progress)
         files = (RESULT, *written.files, *debug)
         notes, partial = result.provenance.notes, _partial_remark(result)
-        outcome = Outcome(self.output, files, written.layer, result.findings, notes, written.remarks, partial)
+        outcome = Outcome(
+            self.output, files, written.layer, result.findings, notes, written.remarks, partial, written.gait
+        )
         return outcome, stored
 
     def _make(

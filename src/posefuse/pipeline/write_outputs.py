@@ -9,6 +9,7 @@ from posefuse.errors import OptionsError, ResultError, suggestion
 from posefuse.evaluation.error_profile import error_profile
 from posefuse.io.results.figures import write_figures
 from posefuse.io.results.format import ResultFacts
+from posefuse.io.results.netcdf_contact import add_contact
 from posefuse.io.results.open_result import open_result
 from posefuse.io.results.write import additional_names, people_with_frames, require_formats, write_also, write_folder
 from posefuse.model.cameras import CameraRig
@@ -16,6 +17,7 @@ from posefuse.model.detections import Detections
 from posefuse.model.options.options import LayerName, Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.pipeline.defaults import RecordingFacts, resolve_people
+from posefuse.pipeline.gait import analyze_gait
 from posefuse.pipeline.measured_layer import reconstruct_chunks
 from posefuse.pipeline.people.stills import STILLS
 from posefuse.pipeline.plan import Plan
@@ -38,19 +40,28 @@ class WrittenOutputs:
         files: names of the files.
         layer: the layer that TRC and C3D hold.
         remarks: what the formats cannot hold.
+        gait: a line for each person with gait, jumps, squats or rises from a seat.
     """
 
     files: tuple[str, ...]
     layer: LayerName
     remarks: tuple[str, ...]
+    gait: tuple[str, ...] = ()
 
 
 def write_outputs(result: Reconstruction, folder: Path, progress: Progress) -> WrittenOutputs:
-    """Write the tables, TRC, C3D, BVH and glTF files and the report of a result."""
-    files, layer, unwritten = write_folder(result, folder, progress, angle_table, body_tables(result))
+    """Write the tables, TRC, C3D, BVH and glTF files and the report of a result, and its contacts into its file."""
+    gait = analyze_gait(result)
+    tables, movements = dict(body_tables(result)), ()
+    if gait is not None:
+        tables |= gait.tables()
+        movements = gait.events()
+        add_contact(folder / "reconstruction.nc", gait.contact, gait.sliding, gait.layer)
+    files, layer, unwritten = write_folder(result, folder, progress, angle_table, tables, movements)
     figures, remarks = ([], []) if unwritten else write_figures(result, people_with_frames(result), folder, progress)
     (folder / REPORT).write_text(render_report(result, progress=progress), "utf-8")
-    return WrittenOutputs((*files, *figures, REPORT), layer, (*unwritten, *remarks))
+    lines = () if gait is None else gait.summary()
+    return WrittenOutputs((*files, *figures, REPORT), layer, (*unwritten, *remarks), lines)
 
 
 def require_known_formats(also: Sequence[str]) -> None:

@@ -24,6 +24,8 @@ _REACH = 0.995
 _FOOT_NODES = ("heel", "big_toe", "small_toe", "foot_index")
 _STRIKE_SPEED = 0.25
 """Speed of the foot when it strikes, as a share of its mean speed during the swing."""
+_SLAP = 0.4
+"""Share by which the foot slows down until all of it touches; the last part does not touch at rest."""
 _GRAVITY = 9.81
 
 
@@ -233,7 +235,7 @@ def _stance_pose(figure: Figure, foot: Stances, i: np.ndarray, time_s: np.ndarra
     t = np.minimum(time_s, foot.end_s[i])
     landing = 1.0 - np.clip((t - foot.start_s[i]) / (foot.flat_s[i] - foot.start_s[i]), 0.0, 1.0)
     leaving = np.clip((t - foot.rise_s[i]) / (foot.end_s[i] - foot.rise_s[i]), 0.0, 1.0)
-    pitch = foot.strike_deg[i] * landing**2 + foot.off_deg[i] * leaving**2
+    pitch = foot.strike_deg[i] * landing * (1.0 - _SLAP * (1.0 - landing)) + foot.off_deg[i] * leaving**2
     slid = np.clip((t - foot.flat_s[i]) / (foot.rise_s[i] - foot.flat_s[i]), 0.0, 1.0)
     place = foot.place_m[i] + (slid * slid * (3.0 - 2.0 * slid))[:, None] * foot.slide_m[i]
     flat, turn = _turn(foot.heading[i], np.zeros(len(t))), _turn(foot.heading[i], pitch)
@@ -254,7 +256,7 @@ def _swing_pose(figure: Figure, foot: Stances, i: np.ndarray, time_s: np.ndarray
     leave, strike = foot.off_deg[i], foot.strike_deg[i + 1]
     rates = (
         leave / (foot.end_s[i] - foot.rise_s[i]) * duration,
-        -2.0 * strike / (foot.flat_s[i + 1] - foot.start_s[i + 1]) * duration,
+        -(1.0 + _SLAP) * strike / (foot.flat_s[i + 1] - foot.start_s[i + 1]) * duration,
     )
     pitch = _hermite(u, leave, strike, *rates)
     turned = np.unwrap(np.stack([foot.heading[i], foot.heading[i + 1]]), axis=0)

@@ -18,6 +18,7 @@ from posefuse.io.results.registry import RESULTS
 from posefuse.io.results.timing import export_rate
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
 from posefuse.progress import Progress, Silent, report_ranges
 
@@ -253,6 +254,7 @@ def write_folder(
     progress: Progress | None = None,
     angles: csv.Angles | None = None,
     tables: Mapping[str, Iterable[Mapping[str, np.ndarray]]] | None = None,
+    movements: Sequence[Event] = (),
 ) -> tuple[list[str], LayerName, tuple[str, ...]]:
     """Write every default output of a reconstruction except ``reconstruction.nc``.
 
@@ -265,6 +267,7 @@ def write_folder(
         progress: receives the progress.
         angles: returns the joint angles of a range of frames.
         tables: additional tables by file name, as ranges of columns by name.
+        movements: events of movements, such as heel strikes, that ``events.csv`` also lists.
 
     Returns:
         The file names, in order, the layer in TRC and C3D, and a note if they could not be written.
@@ -275,8 +278,8 @@ def write_folder(
         parts = report_ranges(result.chunks(), result.n_frames, f"writing {file_name}", progress or Silent())
         csv.write(parts, folder / file_name, name)  # type: ignore[arg-type]
         files.append(file_name)
-    if result.events or result.poses is not None:
-        csv.write_events(result.events, folder / csv.EVENTS)
+    if result.events or movements or result.poses is not None:
+        csv.write_events(sorted([*result.events, *movements], key=lambda event: event.number), folder / csv.EVENTS)
         files.append(csv.EVENTS)
     if angles is not None and angles(result.frames(0, 1))[0]:
         parts = report_ranges(result.chunks(), result.n_frames, f"writing {csv.ANGLES}", progress or Silent())

@@ -1,1 +1,1 @@
-"""Kernels of biomechanics: the anatomical chain of a person."""
+"""Kernels of biomechanics: the anatomical chain of a person, and hidden Markov models."""

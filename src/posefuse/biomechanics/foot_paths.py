@@ -1,0 +1,117 @@
+"""Paths of the feet and hips of a person in axes with z up, which contact and gait are estimated from."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from posefuse.model.options.options import LayerName
+from posefuse.model.reconstruction import Reconstruction, unpack_covariance
+from posefuse.skeleton.skeletons import Skeleton
+
+SIDES = ("left", "right")
+PARTS = ("heel", "toes")
+HEEL, TOES = 0, 1
+_TOES = ("big_toe", "small_toe", "foot_index")
+
+
+@dataclass(frozen=True, eq=False)
+class FootPaths:
+    """Paths of one person's feet and hips. Missing points are NaN.
+
+    Attributes:
+        time_s: shape (frame,): increasing times.
+        feet_m: shape (frame, side, part, 3): heel and toes of the left and of the right foot.
+        sd_m: shape (frame, side, part, 3): standard deviations along the axes.
+        hips_m: shape (frame, side, 3).
+        knee_deg: shape (frame, side): flexion of the knee from the points, 0 for a straight leg.
+    """
+
+    time_s: np.ndarray
+    feet_m: np.ndarray
+    sd_m: np.ndarray
+    hips_m: np.ndarray
+    knee_deg: np.ndarray
+
+    @property
+    def pelvis_m(self) -> np.ndarray:
+        """Middle of the hips, shape (frame, 3)."""
+        return self.hips_m.mean(axis=1)
+
+    def between(self, first: int, last: int) -> "FootPaths":
+        """Return the frames ``first`` to ``last`` (excluded)."""
+        names = ("time_s", "feet_m", "sd_m", "hips_m", "knee_deg")
+        return replace(self, **{name: getattr(self, name)[first:last] for name in names})
+
+
+def has_feet(skeleton: Skeleton) -> bool:
+    """Return whether a skeleton has hips, heels and toes on both sides."""
+    return all(
+        f"{side}_hip" in skeleton.keypoints and f"{side}_heel" in skeleton.keypoints and _toes(skeleton, side)
+        for side in SIDES
+    )
+
+
+def foot_paths(parts: Iterable[Reconstruction], layer: LayerName, up: tuple[float, float, float]) -> list[FootPaths]:
+    """Collect the paths of every person's feet.
+
+    Args:
+        parts: consecutive ranges of frames of one result whose skeleton has feet.
+        layer: name of the layer.
+        up: unit vector of the world that points up.
+    """
+    turn = level_axes(np.array(up))
+    rows = [_of_range(part, layer, turn) for part in parts]
+    times = np.concatenate([part[0] for part in rows])
+    arrays = [np.concatenate([part[i] for part in rows], axis=0) for i in range(1, 5)]
+    return [FootPaths(times, *(each[:, p] for each in arrays)) for p in range(arrays[0].shape[1])]
+
+
+def level_axes(up: np.ndarray) -> np.ndarray:
+    """Return a rotation to axes with z up, shape (3, 3); the world's horizontal axes are kept if z is up."""
+    up = up / np.linalg.norm(up)
+    first = np.array([1.0, 0.0, 0.0]) if abs(up[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    first = first - (first @ up) * up
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(up, first), up])
+
+
+def _toes(skeleton: Skeleton, side: str) -> list[int]:
+    return [skeleton.index(f"{side}_{toe}") for toe in _TOES if f"{side}_{toe}" in skeleton.keypoints]
+
+
+def _of_range(part: Reconstruction, layer: LayerName, turn: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return times, feet, standard deviations, hips and knees of a range of frames; people are the second axis."""
+    skeleton = part.skeleton
+    points = np.asarray(part.layers[layer].points_m[:]) @ turn.T
+    covariance = np.asarray(part.layers[layer].covariance_m2[:])
+    feet, sds = [], []
+    for side in SIDES:
+        for columns in ([skeleton.index(f"{side}_heel")], _toes(skeleton, side)):
+            feet.append(points[:, :, columns].mean(axis=2))
+            own = turn @ unpack_covariance(covariance[:, :, columns]).mean(axis=2) @ turn.T
+            sds.append(np.sqrt(np.diagonal(own, axis1=-2, axis2=-1)))
+    shape = (*points.shape[:2], 2, 2, 3)
+    hips = points[:, :, [skeleton.index(f"{side}_hip") for side in SIDES]]
+    return (
+        part.time_s,
+        np.stack(feet, axis=2).reshape(shape),
+        np.stack(sds, axis=2).reshape(shape),
+        hips,
+        _knees(points, skeleton),
+    )
+
+
+def _knees(points_m: np.ndarray, skeleton: Skeleton) -> np.ndarray:
+    """Return the flexion of the knees in degrees, shape (frame, person, side), NaN without knees or ankles."""
+    flexion = np.full((*points_m.shape[:2], 2), np.nan)
+    for s, side in enumerate(SIDES):
+        names = [f"{side}_{joint}" for joint in ("hip", "knee", "ankle")]
+        if not set(names) <= set(skeleton.keypoints):
+            continue
+        hip, knee, ankle = (points_m[:, :, skeleton.index(name)] for name in names)
+        thigh, shank = knee - hip, ankle - knee
+        with np.errstate(invalid="ignore", divide="ignore"):
+            cosine = (thigh * shank).sum(-1) / np.linalg.norm(thigh, axis=-1) / np.linalg.norm(shank, axis=-1)
+        flexion[..., s] = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    return flexion

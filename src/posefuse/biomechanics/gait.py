@@ -1,0 +1,84 @@
+"""Analyze the contacts, gait and repetitions of one person."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+
+from posefuse.biomechanics.contact import Contact, estimate_contact, velocities
+from posefuse.biomechanics.contact_times import Interval, contact_intervals
+from posefuse.biomechanics.cycles import Cycle, gait_cycles
+from posefuse.biomechanics.foot_paths import PARTS, SIDES, FootPaths
+from posefuse.biomechanics.gait_events import GaitEvent, gait_events
+from posefuse.biomechanics.gait_parameters import GaitParameter, gait_parameters, summary
+from posefuse.biomechanics.repetitions import Repetition, find_repetitions
+
+_EDGE_S = 0.15
+
+
+@dataclass(frozen=True, eq=False)
+class Gait:
+    """Contacts, gait and repetitions of one person.
+
+    Attributes:
+        contact: contact of the feet; its probabilities change at the times of the intervals.
+        intervals: contact intervals by side (left, right) and part (heel, toes).
+        events: heel strikes and toe-offs.
+        repetitions: jumps, squats and sit-to-stands.
+        parameters: parameters of gait and repetitions; empty without either.
+        cycles: normalized gait cycles.
+    """
+
+    contact: Contact
+    intervals: list[list[list[Interval]]]
+    events: list[GaitEvent]
+    repetitions: list[Repetition]
+    parameters: list[GaitParameter]
+    cycles: list[Cycle]
+
+
+def analyze_person(paths: FootPaths) -> Gait:
+    """Analyze one person's contacts, gait and repetitions."""
+    contact = estimate_contact(paths)
+    relative = velocities(paths.time_s, paths.feet_m) - np.array([*contact.ground_m_s, 0.0])
+    intervals = [
+        [contact_intervals(paths.time_s, relative[:, s, p], contact.probability[:, s, p]) for p in range(len(PARTS))]
+        for s in range(len(SIDES))
+    ]
+    contact = _with_times(contact, paths.time_s, intervals)
+    events = gait_events(paths, intervals)
+    repetitions = find_repetitions(paths, intervals, events)
+    parameters = gait_parameters(paths, events, contact.ground_m_s) + _repetition_parameters(repetitions)
+    return Gait(contact, intervals, events, repetitions, parameters, gait_cycles(paths, events, contact.levels))
+
+
+def _with_times(contact: Contact, time_s: np.ndarray, intervals: list[list[list[Interval]]]) -> Contact:
+    """Return the contact with probabilities that change at the times of the intervals."""
+    probability = contact.probability.copy()
+    for s, parts in enumerate(intervals):
+        for p, spans in enumerate(parts):
+            inside, near = np.zeros(len(time_s)), np.zeros(len(time_s), dtype=bool)
+            for span in spans:
+                begun = ndtr((time_s - span.start_s) / span.start_sd_s) if np.isfinite(span.start_s) else 1.0
+                over = ndtr((time_s - span.end_s) / span.end_sd_s) if np.isfinite(span.end_s) else 0.0
+                inside = np.maximum(inside, begun * (1.0 - over))
+                near |= np.minimum(np.abs(time_s - span.start_s), np.abs(time_s - span.end_s)) < _EDGE_S
+            known = np.isfinite(probability[:, s, p])
+            probability[:, s, p] = np.where(near & known, inside, probability[:, s, p])
+    return Contact(probability, contact.sliding, contact.ground_m_s, contact.levels, contact.velocity_sd_m_s)
+
+
+def _repetition_parameters(repetitions: list[Repetition]) -> list[GaitParameter]:
+    """Return counts, sizes and durations of repetitions."""
+    names = {
+        "jump": ("jump_height_m", "jump_flight_time_s"),
+        "squat": ("squat_depth_m", "squat_time_s"),
+        "sit_to_stand": ("sit_to_stand_rise_m", "sit_to_stand_time_s"),
+    }
+    found = []
+    for kind, (size, duration) in names.items():
+        own = [each for each in repetitions if each.kind == kind]
+        if own:
+            found.append(summary(size, "both", np.array([each.size_m for each in own])))
+            found.append(summary(duration, "both", np.array([each.duration_s for each in own])))
+    return found

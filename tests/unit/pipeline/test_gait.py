@@ -1,0 +1,76 @@
+"""Gait of a result: tables, events, contact in the file, and what is left out."""
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posefuse.io.results import netcdf
+from posefuse.io.results.netcdf_contact import read_contact
+from posefuse.model.track_events import EVENT_KINDS
+from posefuse.pipeline.gait import analyze_gait
+from posefuse.pipeline.write_outputs import write_outputs
+from posefuse.progress import Silent
+from posefuse.synthetic.gait_plans import WalkPlan, stand, walk
+from posefuse.synthetic.gait_scenes import simulate_gait
+
+
+@pytest.fixture(scope="module")
+def result():
+    return simulate_gait(walk(WalkPlan()), WalkPlan().duration_s).truth
+
+
+@pytest.fixture(scope="module")
+def folder(result, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("gait")
+    netcdf.write([result], folder / "reconstruction.nc")
+    written = write_outputs(netcdf.read_reconstruction(folder / "reconstruction.nc"), folder, Silent())
+    assert {"gait.csv", "cycles.csv", "events.csv"} <= set(written.files)
+    assert "steps/min" in written.gait[0]
+    return folder
+
+
+def rows_of(path):
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_tables_are_tidy(folder):
+    rows = rows_of(folder / "gait.csv")
+    assert list(rows[0]) == ["person", "parameter", "side", "value", "sd", "n", "low95", "high95", "layer"]
+    cadence = next(row for row in rows if (row["parameter"], row["side"]) == ("cadence_steps_min", "both"))
+    assert float(cadence["low95"]) < float(cadence["value"]) < float(cadence["high95"])
+    cycles = rows_of(folder / "cycles.csv")
+    assert {float(row["percent"]) for row in cycles} == set(range(101))
+    assert all(float(row["low95"]) <= float(row["mean"]) <= float(row["high95"]) for row in cycles if row["sd"])
+
+
+def test_events_have_the_columns_of_tracks(folder):
+    rows = rows_of(folder / "events.csv")
+    assert list(rows[0]) == ["frame", "time_s", "person", "what", "why"]
+    assert {row["what"] for row in rows} == {"heel_strike", "toe_off"} <= set(EVENT_KINDS)
+    assert [int(row["frame"]) for row in rows] == sorted(int(row["frame"]) for row in rows)
+
+
+def test_contact_is_in_the_file(folder, result):
+    contact = read_contact(folder / "reconstruction.nc")
+    assert contact.shape == (result.n_frames, 1, 2, 2)
+    truth = walk(WalkPlan()).contact(np.asarray(result.time_s))
+    assert ((contact[:, 0] > 0.5) == truth).mean() > 0.9
+    assert netcdf.read_reconstruction(folder / "reconstruction.nc") == result
+
+
+def test_standing_writes_no_tables(tmp_path):
+    result = simulate_gait(stand(3.0), 3.0).truth
+    netcdf.write([result], tmp_path / "reconstruction.nc")
+    written = write_outputs(netcdf.read_reconstruction(tmp_path / "reconstruction.nc"), tmp_path, Silent())
+    assert not {"gait.csv", "cycles.csv", "events.csv"} & set(written.files)
+    assert written.gait == ()
+
+
+def test_results_without_a_world_have_no_gait(result):
+    assert analyze_gait(replace(result, rig=replace(result.rig, up_axis=None))) is None
+    assert analyze_gait(result.frames(0, 7)) is None
+    assert analyze_gait(replace(result, time_s=np.full(result.n_frames, np.nan))) is None
+    assert analyze_gait(result) is not None
