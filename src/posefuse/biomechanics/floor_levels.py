@@ -105,7 +105,8 @@ def _clusters(heights_m: np.ndarray) -> np.ndarray:
         if all(abs(middles[i] - peak) > _MERGE_M for peak in peaks):
             peaks.append(float(middles[i]))
     centers = np.sort(np.array(peaks))
-    return np.abs(heights_m[:, None] - centers).argmin(axis=1)
+    # A peak between others may be the nearest of none.
+    return np.unique(np.abs(heights_m[:, None] - centers).argmin(axis=1), return_inverse=True)[1]
 
 
 def _slope(places_m: np.ndarray, heights_m: np.ndarray, groups: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from posefuse.biomechanics.contact_times import contact_intervals
-from posefuse.biomechanics.foot_paths import foot_paths, has_feet, level_axes
+from posefuse.biomechanics.foot_paths import FootPaths, foot_paths, has_feet, level_axes
 from posefuse.biomechanics.gait import analyze_person
 from posefuse.biomechanics.gait_parameters import mean_of
 from posefuse.skeleton.skeletons import find_skeleton
@@ -192,6 +192,21 @@ class TestRepetitions:
     def test_standing_has_no_parameters(self):
         gait = analyze_person(paths_of(stand(5.0), 5.0))
         assert (gait.parameters, gait.repetitions, gait.events) == ([], [], [])
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_any_paths_give_probabilities_and_no_warnings(seed):
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(8, 150))
+    feet = np.cumsum(rng.normal(0.0, [0.0, 1e-3, 0.1, 1.0, 10.0][seed % 5], (n, 2, 2, 3)), axis=0)
+    hips = np.cumsum(rng.normal(0.0, 0.01, (n, 2, 3)), axis=0) + np.array([0.0, 0.0, 0.9])
+    feet[rng.random(n) < [0.0, 0.1, 0.5, 0.95, 1.0][seed % 4]] = np.nan
+    hips[rng.random(n) < [0.0, 0.3, 1.0][seed % 3]] = np.nan
+    sd = np.where(np.isfinite(feet), 0.02, np.nan)
+    times = np.cumsum(rng.uniform(0.005, 0.05, n))
+    gait = analyze_person(FootPaths(times, feet, sd, hips, np.full((n, 2), np.nan)))
+    probability = gait.contact.probability[np.isfinite(feet[..., 0])]
+    assert ((probability >= 0.0) & (probability <= 1.0)).all()
 
 
 def test_level_axes_turn_up_to_z():
