@@ -1,0 +1,198 @@
+"""Contact, gait events and gait parameters on simulated recordings with known contacts.
+
+``python -m benchmarks.gait`` reconstructs 40 walks of several speeds, statures, limps and turns, overground and on a
+treadmill, from five cameras with the errors of a current detector (``rtmpose``, an assumption), or with those measured
+on OpenPose (``--noise measured``), and 20 recordings without gait.
+"""
+
+import argparse
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from posefuse.biomechanics.gait import Gait
+from posefuse.biomechanics.gait_parameters import mean_of
+from posefuse.pipeline.gait import analyze_gait
+from posefuse.pipeline.reconstruct import reconstruct
+from posefuse.synthetic.gait_motions import GaitMotion, Stances
+from posefuse.synthetic.gait_plans import WalkPlan, stand, walk
+from posefuse.synthetic.gait_scenes import GaitSceneOptions, simulate_gait
+from posefuse.synthetic.options import DetectorOptions, NoiseLaw
+
+RATE_HZ = 60.0
+N_WALKS, N_OTHERS = 40, 20
+LAWS: dict[str, DetectorOptions] = {
+    "rtmpose": DetectorOptions("rtmpose", outlier_share=0.005, miss_share=0.01, swap_share=0.0015),
+    "measured": DetectorOptions("measured"),
+    "gaussian": DetectorOptions("gaussian", 1.0, outlier_share=0.0, miss_share=0.0, swap_share=0.0),
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A simulated recording.
+
+    Attributes:
+        name: kind of the recording.
+        motion: motion with known contacts.
+        duration_s: duration.
+        options: options of the scene.
+        plan: plan of a walk, None for recordings without gait.
+    """
+
+    name: str
+    motion: GaitMotion
+    duration_s: float
+    options: GaitSceneOptions
+    plan: WalkPlan | None = None
+
+
+@dataclass(frozen=True)
+class Score:
+    """Errors of one recording.
+
+    Attributes:
+        contact: true positives, false positives and false negatives of contact, in points and frames.
+        strikes_s: errors of heel strikes; infinite where missing.
+        offs_s: errors of toe-offs; infinite where missing.
+        extra: number of events that are none.
+        step_m: error of the mean step length, NaN without steps.
+        cadence: relative error of the cadence.
+    """
+
+    contact: tuple[int, int, int]
+    strikes_s: np.ndarray
+    offs_s: np.ndarray
+    extra: int
+    step_m: float
+    cadence: float
+
+
+def walks(n: int, law: NoiseLaw) -> Iterator[Case]:
+    """Yield walks: every fifth limps, every fourth turns, every eighth is on a treadmill."""
+    rng = np.random.default_rng(7)
+    for i in range(n):
+        speed = float(rng.uniform(0.7, 1.8))
+        stride_s = float(1.1 * (speed / 1.3) ** -0.4 * rng.uniform(0.95, 1.05))
+        plan = WalkPlan(speed, stride_s, float(rng.uniform(0.6, 0.64)), 6, limp=0.05 if i % 5 == 4 else 0.0)
+        name = "walk"
+        if i % 8 == 7:
+            plan, name = replace(plan, treadmill=True), "treadmill"
+        elif i % 4 == 1:
+            plan, name = replace(plan, radius_m=2.0, start_m=(0.0, -2.0)), "turn"
+        else:
+            plan = replace(plan, strides=5, start_m=(-2.5 * speed * stride_s, 0.0))
+        options = GaitSceneOptions(float(rng.uniform(1.5, 1.95)), rate_hz=RATE_HZ, seed=i, detector=LAWS[law])
+        yield Case(name, walk(plan), plan.duration_s, options, plan)
+
+
+def others(n: int, law: NoiseLaw) -> Iterator[Case]:
+    """Yield recordings without gait: standing, squats, jumps and sliding feet."""
+    motions = {
+        "stand": stand(6.0),
+        "squats": stand(6.0, drops=((0.8, 1.6, 0.35), (3.2, 1.8, 0.4))),
+        "jumps": stand(6.0, flights=((2.0, 0.4), (4.4, 0.5))),
+        "slides": stand(6.0, slides=((1.0, 0.5, 0.3), (2.0, 0.6, -0.3), (3.5, 0.5, 0.25), (4.5, 0.7, -0.25))),
+    }
+    for i in range(n):
+        name = list(motions)[i % len(motions)]
+        yield Case(name, motions[name], 6.0, GaitSceneOptions(1.6 + 0.02 * i, seed=100 + i, detector=LAWS[law]))
+
+
+def analyze(case: Case) -> Gait:
+    """Reconstruct a recording and analyze its person."""
+    scene = simulate_gait(case.motion, case.duration_s, case.options)
+    result = analyze_gait(reconstruct(scene.rig, scene.detections))
+    assert result is not None
+    return result.people[next(iter(result.people))]
+
+
+def score(case: Case, gait: Gait) -> Score:
+    """Compare the analysis with the known contacts."""
+    time_s = np.arange(round(case.duration_s * RATE_HZ)) / RATE_HZ
+    true, found = case.motion.contact(time_s), gait.contact.probability > 0.5
+    counts = tuple(int(each.sum()) for each in (found & true, found & ~true, ~found & true))
+    strikes, offs, extra = [], [], 0
+    for side, foot in enumerate(case.motion.feet if case.plan is not None else ()):
+        for kind, times, errors in (("heel_strike", foot.start_s, strikes), ("toe_off", foot.end_s, offs)):
+            inside = times[(times > 0.2) & (times < time_s[-1] - 0.2)]
+            own = np.array([each.time_s for each in gait.events if (each.kind, each.side) == (kind, side)])
+            errors += [float(own[np.abs(own - t).argmin()] - t) if len(own) else np.inf for t in inside]
+            extra += int(sum(np.abs(inside - t).min() > 0.2 for t in own if 0.2 < t < time_s[-1] - 0.2))
+    if case.plan is None:
+        extra = len(gait.events)
+    step_m, cadence = _parameter_errors(case, gait)
+    return Score(counts, np.array(strikes), np.array(offs), extra, step_m, cadence)  # type: ignore[arg-type]
+
+
+def _parameter_errors(case: Case, gait: Gait) -> tuple[float, float]:
+    """Return the error of the mean step length in m and the relative error of the cadence, over the found steps."""
+    step, cadence = (mean_of(gait.parameters, name) for name in ("step_length_m", "cadence_steps_min"))
+    if case.plan is None or step is None or cadence is None:
+        return float("nan"), float("nan")
+    strikes = [each for each in gait.events if each.kind == "heel_strike" and not each.closing]
+    lengths, times = [], []
+    for i, strike in enumerate(strikes[1:], start=1):
+        before = strikes[i - 1]
+        times.append(_stance(case.motion.feet[strike.side], strike.time_s)[1] - _stance(
+            case.motion.feet[before.side], before.time_s)[1])  # fmt: skip
+        if i > 1:
+            places = [_stance(case.motion.feet[each.side], each.time_s)[0] for each in (strikes[i - 2], before, strike)]
+            along = places[2] - places[0]
+            lengths.append(float((places[2] - places[1]) @ along) / float(np.linalg.norm(along)))
+    true_cadence = float(np.mean(60.0 / np.array(times)))
+    return step.value - float(np.mean(lengths)), cadence.value / true_cadence - 1.0
+
+
+def _stance(foot: Stances, time_s: float) -> tuple[np.ndarray, float]:
+    """Return the heel's place and the strike of the stance that begins nearest to a time."""
+    i = int(np.abs(foot.start_s - time_s).argmin())
+    return foot.place_m[i, :2], float(foot.start_s[i])
+
+
+def summarize(scores: list[Score]) -> list[str]:
+    """Return lines with the figures of walks."""
+    hits, false, missed = (sum(each.contact[i] for each in scores) for i in range(3))
+    lines = [f"contact F1 {2 * hits / (2 * hits + false + missed):.3f}"]
+    for name, errors in (("heel strike", "strikes_s"), ("toe-off", "offs_s")):
+        frames = np.concatenate([getattr(each, errors) for each in scores]) * RATE_HZ
+        within = " / ".join(f"{100 * np.mean(np.abs(frames) <= k):.0f}" for k in (1, 2, 3))
+        lines.append(
+            f"{name}: {len(frames)} events, {within} % within 1 / 2 / 3 frames, median {np.median(frames):+.1f}"
+        )
+    steps = np.abs([each.step_m for each in scores if np.isfinite(each.step_m)])
+    cadence = np.abs([each.cadence for each in scores if np.isfinite(each.cadence)])
+    lines.append(f"step length: median error {1000 * np.median(steps):.0f} mm, worst {1000 * steps.max():.0f} mm")
+    lines.append(f"cadence: median error {100 * np.median(cadence):.2f} %, worst {100 * cadence.max():.2f} %")
+    lines.append(f"walks with parameters {len(steps)} of {len(scores)}, extra events {sum(s.extra for s in scores)}")
+    return lines
+
+
+def main() -> None:
+    """Print the figures."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--noise", choices=tuple(LAWS), default="rtmpose")
+    parser.add_argument("--walks", type=int, default=N_WALKS)
+    parser.add_argument("--others", type=int, default=N_OTHERS)
+    given = parser.parse_args()
+    scores = [score(case, analyze(case)) for case in walks(given.walks, given.noise)]
+    still = []
+    for case in others(given.others, given.noise):
+        gait = analyze(case)
+        still.append((case.name, score(case, gait), len(gait.repetitions)))
+    lines = [f"{given.noise}, {len(scores)} walks", *summarize(scores)]
+    lines.append(f"recordings without gait: {len(still)}, with gait events: {sum(s.extra > 0 for _, s, _ in still)}")
+    for name in dict.fromkeys(name for name, _, _ in still):
+        own = [(each, n) for other, each, n in still if other == name]
+        hits, false, missed = (sum(each.contact[i] for each, _ in own) for i in range(3))
+        lines.append(
+            f"  {name}: contact F1 {2 * hits / (2 * hits + false + missed):.3f}, repetitions "
+            f"{sum(n for _, n in own)} in {len(own)}"
+        )
+    sys.stdout.write("\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    main()
