@@ -19,7 +19,7 @@ from benchmarks.calibration_scores import in_true_world
 from benchmarks.held_out import Points, errors_px, layer_of, people_of
 from benchmarks.held_out_recordings import Case
 from benchmarks.people_calibration import calibrate
-from posefuse.biomechanics.tables import angle_table
+from posefuse.biomechanics.tables import keypoint_angles
 from posefuse.model.cameras import CameraRig
 
 ANGLES = tuple(f"{side}_{joint}.flexion" for joint in ("knee", "hip") for side in ("left", "right"))
@@ -39,7 +39,7 @@ def left_out_px(case: CalibrationCase, rig: CameraRig) -> float:
 def angles_deg(case: CalibrationCase, rig: CameraRig) -> np.ndarray:
     """Return :data:`ANGLES` by frame, shape (frame, angle)."""
     result = posefuse.reconstruct(rig, case.detections, posefuse.Options(solve="trajectory"))
-    names, degrees, _ = angle_table(result)
+    names, degrees, _ = keypoint_angles(result)
     return degrees[:, 0][:, [names.index(name) for name in ANGLES]]
 
 

@@ -262,6 +262,7 @@ def _apply_table(
         tracks=tracks,
         swaps=None if swaps is None else Swaps(swaps.chains, take(swaps.state, SwapState.UNKNOWN)),
         poses=None if part.poses is None else _edit_poses(part.poses, source, main_sources),
+        joint_angles=None,  # They are estimated again, because the points of people have changed.
     )
 
 

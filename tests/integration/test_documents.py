@@ -100,7 +100,7 @@ def test_files_of_a_result_are_those_of_the_readme(workplace) -> None:
     expected = {name for name in re.findall(r"`([\w.]+)`", text.split("\n\n")[0]) if "." in name}
     # The simulated person of the longer recording walks; a second is too short for a bout.
     of_walks = {"events.csv", "gait.csv", "cycles.csv"} if "gait.csv" in written else set()
-    assert written == expected | of_walks | ({"solved.csv", "angles.csv"} if is_long else set())
+    assert written == expected | of_walks | ({"solved.csv"} if is_long else set())
 
 
 def test_options_page_is_generated_from_the_records() -> None:

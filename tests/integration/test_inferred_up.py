@@ -11,7 +11,7 @@ import pytest
 
 import posefuse
 from posefuse.alignment.apply import aligned_rig
-from posefuse.biomechanics.tables import angle_table
+from posefuse.biomechanics.tables import keypoint_angles
 from posefuse.io.calibration import anipose
 from posefuse.io.results.c3d_reading import read as read_c3d
 from posefuse.model.alignment import Alignment
@@ -93,7 +93,7 @@ def test_alignment_levels_a_tilted_world(walker, floor, tmp_path):
     assert level.rig.up_text == "z (inferred)"
     true_up = level.alignment.rotation @ tilt.rotation @ np.array(up_vector("z"))
     assert np.degrees(np.arccos(true_up[2])) < (12.0 if floor == "keep" else 3.0)
-    names, degrees, sds = angle_table(level)
+    names, degrees, sds = keypoint_angles(level)
     assert names[0] == "mid_hip.heading"
     np.testing.assert_array_equal(np.isfinite(sds), np.isfinite(degrees))
     posefuse.write(level, tmp_path / "result.nc")

@@ -118,7 +118,7 @@ def test_body_tables_are_written(run, recording, tmp_path):
     assert {row["near"] for row in lengths} >= {"left_knee", "left_elbow"}
     angles = rows_of(out / "angles.csv")
     assert {row["layer"] for row in angles} == {"solved"}
-    knees = [float(row["degrees"]) for row in angles if row["angle"] == "left_knee.flexion"]
+    knees = [float(row["degrees"]) for row in angles if row["angle"] == "knee_angle_l"]
     assert len(knees) == 18
     assert 0 <= min(knees) <= max(knees) < 120
 

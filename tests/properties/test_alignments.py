@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from posefuse.alignment.apply import align
-from posefuse.biomechanics.tables import angle_table
+from posefuse.biomechanics.tables import keypoint_angles
 from posefuse.model.alignment import Alignment
 from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Reconstruction, unpack_covariance
@@ -54,7 +54,7 @@ def test_every_finite_sd_stays_finite_and_is_transformed(seed, scale, axis):
         assert np.isfinite(after).all(axis=(-1, -2)).any(), name
         np.testing.assert_array_equal(moved.layers[name].status, layer.status)
     np.testing.assert_allclose(moved.poses.shape_sd_m, scale * np.asarray(result.poses.shape_sd_m))
-    (names, degrees, sds), (_, _, sds_before) = angle_table(moved), angle_table(result)
+    (names, degrees, sds), (_, _, sds_before) = keypoint_angles(moved), keypoint_angles(result)
     assert np.isfinite(sds[np.isfinite(sds_before)]).all()
     np.testing.assert_array_equal(np.isfinite(sds), np.isfinite(degrees))
     inner = [not name.startswith("mid_hip.") for name in names]
@@ -67,7 +67,7 @@ def test_every_finite_sd_stays_finite_and_is_transformed(seed, scale, axis):
 def test_root_angle_sds_are_the_same_in_every_world_with_the_same_vertical(seed, scale, axis):
     result = walker()
     moved = align(result, Alignment(rotation_to(axis, seed), np.ones(3), scale, axis, "z"))
-    (_, degrees, sds), (_, degrees_before, sds_before) = angle_table(moved), angle_table(result)
+    (_, degrees, sds), (_, degrees_before, sds_before) = keypoint_angles(moved), keypoint_angles(result)
     np.testing.assert_allclose(sds, sds_before, rtol=1e-4)
     # The heading is relative to the world; tilt and list are not.
     np.testing.assert_allclose(degrees[..., 1:], degrees_before[..., 1:], atol=1e-6)

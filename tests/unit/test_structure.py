@@ -64,6 +64,17 @@ TESTED_ELSEWHERE = {
         "io/hdf5.py",
         "io/parquet_files.py",
     ),
+    "unit/biomechanics/test_inverse_kinematics.py": ("biomechanics/marker_model.py",),
+    "unit/biomechanics/test_subject_fit.py": (
+        "biomechanics/coordinate_priors.py",
+        "biomechanics/subject_samples.py",
+    ),
+    "unit/io/results/test_mot.py": ("io/results/netcdf_angles.py",),
+    "unit/pipeline/test_joint_angles.py": (
+        "biomechanics/angle_definitions.py",
+        "biomechanics/person_frames.py",
+        "pipeline/static_trial.py",
+    ),
     "unit/alignment/test_apply.py": ("model/alignment.py",),
     "unit/association/test_groups.py": ("association/group_points.py",),
     "unit/association/test_proposals.py": ("model/proposals.py",),

@@ -26,6 +26,7 @@ def align(part: Reconstruction, alignment: Alignment) -> Reconstruction:
         rig=rig,
         layers={name: _layer(layer, alignment) for name, layer in part.layers.items()},
         poses=None if part.poses is None else _poses(part.poses, alignment, rig.up),
+        joint_angles=None,  # They refer to the vertical of the world.
         alignment=alignment,
     )
 

@@ -1,4 +1,4 @@
-"""Tables derived from a result's points: joint angles, centers of mass and segment lengths."""
+"""Tables derived from a result's points: angles between keypoints, centers of mass and segment lengths."""
 
 from collections.abc import Iterable, Iterator, Mapping
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from posefuse.biomechanics.center_of_mass import centers_of_mass
 from posefuse.biomechanics.segment_lengths import segment_lengths
-from posefuse.kinematics.joint_angles import joint_angles, skeleton_angles
+from posefuse.kinematics.joint_angles import angle_names, joint_angles, skeleton_angles
 from posefuse.kinematics.pose_from_points import pose_of_points
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
@@ -19,13 +19,14 @@ Columns = Mapping[str, np.ndarray]
 CENTERS_FILE, LENGTHS_FILE = "com.csv", "lengths.csv"
 
 
-def angle_table(part: Reconstruction) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-    """Return joint angles of the articulated model, or, without one, of the solved layer, with the same names.
+def keypoint_angles(part: Reconstruction, parts_only: bool = False) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    """Return angles between segments and bones of the model layer, or, without one, of the solved layer.
 
     The angles of the root relative to the world are missing if the up axis is unknown.
 
     Args:
         part: range of frames.
+        parts_only: whether to leave out the angles of the body, so that those of hands and faces remain.
 
     Returns:
         Names; shape (frame, person, angle), degrees; and standard deviations, NaN where unknown. Without a source of
@@ -49,7 +50,8 @@ def angle_table(part: Reconstruction) -> tuple[tuple[str, ...], np.ndarray, np.n
     sds = np.full_like(degrees, np.nan)
     if poses is not None and names and poses.angles == names:
         sds = np.where(np.isfinite(degrees), np.asarray(poses.angle_sd_deg[:]), np.nan)
-    return names, degrees, sds
+    first = len(angle_names(tree)) if parts_only else 0
+    return names[first:], degrees[..., first:], sds[..., first:]
 
 
 def _of_root(tree: Tree, names: Iterable[str]) -> list[bool]:

@@ -31,6 +31,7 @@ class Shortcuts:
 
     smoother: Annotated[Smoother | None, Parameter(help="Short for --tracker.smoother.")] = None
     max_people: Annotated[int | None, Parameter(help="Short for --tracker.max-people.")] = None
+    static: Annotated[str | None, Parameter(help="Short for --subject.static.")] = None
     align: Annotated[Literal["floor"] | None, Parameter(help="Short for --align.floor feet.")] = None
 
     def applied_to(self, options: Options) -> Options:
@@ -38,6 +39,8 @@ class Shortcuts:
         values = {"smoother": self.smoother, "max_people": self.max_people}
         given = {name: value for name, value in values.items() if value is not None}
         options = replace(options, tracker=replace(options.tracker, **given))
+        if self.static is not None:
+            options = replace(options, subject=replace(options.subject, static=self.static))
         return options if self.align is None else replace(options, align=replace(options.align, floor="feet"))
 
 
@@ -71,8 +74,8 @@ def reconstruct(
     """Reconstruct people in 3D from a recording's calibration and 2D keypoints.
 
     Writes reconstruction.nc (everything), keypoints.csv (measured points), one .trc and .c3d per person and
-    report.html; solved.csv where points are solved over time; model.csv, angles.csv, events.csv and one .bvh and .glb
-    per person where bodies are fitted; and debug/percentile_filter.png with the method percentile_filter.
+    report.html; angles.csv and one .mot per person for human skeletons; solved.csv where points are solved over time;
+    model.csv, events.csv and one .bvh and .glb per person where bodies are fitted; and debug/percentile_filter.png with the method percentile_filter.
 
     A recording of more than --chunk-frames frames is reconstructed chunk by chunk. Finished chunks are stored in
     OUTPUT/.parts until the result is complete: after an interruption of any kind, the same command resumes from the

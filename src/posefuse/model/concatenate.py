@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 
 from posefuse.errors import ResultError
+from posefuse.model.joint_angles import ANGLES_OVER_TIME
 from posefuse.model.label_swaps import Swaps
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.track_events import OVER_TIME
@@ -55,6 +56,8 @@ def _over_time(part: Reconstruction) -> dict[str, np.ndarray]:
         found["swaps.state"] = part.swaps.state[:]
     if part.poses is not None:
         found |= {f"poses.{name}": getattr(part.poses, name)[:] for name in OVER_TIME}
+    if part.joint_angles is not None:
+        found |= {f"angles.{name}": getattr(part.joint_angles, name)[:] for name in ANGLES_OVER_TIME}
     return {name: np.asarray(array) for name, array in found.items()}
 
 
@@ -63,6 +66,9 @@ def _concatenated(first: Reconstruction, whole: dict[str, np.ndarray], events: t
     poses = first.poses
     if poses is not None:
         poses = replace(poses, **{name: whole[f"poses.{name}"] for name in OVER_TIME})
+    angles = first.joint_angles
+    if angles is not None:
+        angles = replace(angles, **{name: whole[f"angles.{name}"] for name in ANGLES_OVER_TIME})
     return replace(
         first,
         frame_numbers=whole["frame_numbers"],
@@ -73,5 +79,6 @@ def _concatenated(first: Reconstruction, whole: dict[str, np.ndarray], events: t
         else Tracks(first.person_ids, whole["tracks.detection"], whole["tracks.state"]),
         swaps=None if first.swaps is None else Swaps(first.swaps.chains, whole["swaps.state"]),
         poses=poses,
+        joint_angles=angles,
         events=events,
     )

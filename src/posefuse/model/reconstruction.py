@@ -13,6 +13,7 @@ from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES
 from posefuse.model.findings import Finding
+from posefuse.model.joint_angles import JointAngles
 from posefuse.model.label_swaps import Swaps
 from posefuse.model.layer_scores import LayerScore, layer_of_scores
 from posefuse.model.noise import NoiseModel
@@ -169,6 +170,7 @@ class Reconstruction:
         findings: problems found by the recording check, most serious first.
         provenance: origin of the result.
         layer_scores: how well each layer predicts left-out views; empty if the layers were not compared.
+        joint_angles: joint angles, or None if they were not computed.
 
     Raises:
         ResultError: if the parts do not match.
@@ -193,6 +195,7 @@ class Reconstruction:
     resolved: Options = None  # type: ignore[assignment]
     findings: tuple[Finding, ...] = ()
     layer_scores: tuple[LayerScore, ...] = ()
+    joint_angles: JointAngles | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "resolved", self.resolved or self.options)
@@ -276,6 +279,7 @@ class Reconstruction:
             tracks=None if self.tracks is None else self.tracks.frames(start, stop),
             swaps=None if self.swaps is None else self.swaps.frames(start, stop),
             poses=None if self.poses is None else self.poses.frames(start, stop),
+            joint_angles=None if self.joint_angles is None else self.joint_angles.frames(start, stop),
         )
 
     def chunks(self, size: int = CHUNK_FRAMES) -> Iterator["Reconstruction"]:
@@ -296,6 +300,7 @@ class Reconstruction:
                 tracks=None if self.tracks is None else _lazy_frames(self.tracks, start, stop),
                 swaps=None if self.swaps is None else _lazy_frames(self.swaps, start, stop),
                 poses=None,
+                joint_angles=None if self.joint_angles is None else self.joint_angles.window(start, stop),
             )
 
     @classmethod
@@ -310,6 +315,9 @@ class Reconstruction:
             tracks=None if first.tracks is None else Tracks.concatenate([part.tracks for part in parts if part.tracks]),
             swaps=None if first.swaps is None else Swaps.concatenate([part.swaps for part in parts if part.swaps]),
             poses=None if first.poses is None else Poses.concatenate([part.poses for part in parts if part.poses]),
+            joint_angles=None
+            if first.joint_angles is None
+            else JointAngles.concatenate([part.joint_angles for part in parts if part.joint_angles]),
             # A producer of ranges may report an event early, and again in its own range.
             events=tuple(dict.fromkeys(event for part in parts for event in part.events)),
         )

@@ -32,6 +32,7 @@ from posefuse.noise.scales import assumed_noise
 from posefuse.pipeline import solved_layer
 from posefuse.pipeline.defaults import RecordingFacts, cut_time, resolve_method, resolve_options
 from posefuse.pipeline.diagnose import check_recording
+from posefuse.pipeline.joint_angles import with_joint_angles
 from posefuse.pipeline.left_out_views import with_layer_scores
 from posefuse.pipeline.measured_layer import measure, partial_note, reconstruct_chunks
 from posefuse.pipeline.people.find_subjects import (
@@ -82,7 +83,9 @@ def reconstruct(
     """
     progress = progress or Silent()
     plan = with_layer_scores(check_recording(prepare(rig, detections, options or Options(), progress, checkpoint)))
-    return concatenate_ranges(reconstruct_chunks(plan, progress, checkpoint), plan.detections.n_frames)
+    return with_joint_angles(
+        concatenate_ranges(reconstruct_chunks(plan, progress, checkpoint), plan.detections.n_frames)
+    )
 
 
 @checked

@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from posefuse.biomechanics.tables import angle_table, body_tables
+from posefuse.biomechanics.tables import body_tables
 from posefuse.errors import OptionsError, ResultError, suggestion
 from posefuse.evaluation.error_profile import error_profile
+from posefuse.io.results import netcdf, netcdf_angles
 from posefuse.io.results.figures import write_figures
 from posefuse.io.results.format import ResultFacts
 from posefuse.io.results.netcdf_contact import add_contact
@@ -17,13 +18,15 @@ from posefuse.model.detections import Detections
 from posefuse.model.options.options import LayerName, Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.pipeline.defaults import RecordingFacts, resolve_people
+from posefuse.pipeline.fingerprints import RESULT
 from posefuse.pipeline.gait import analyze_gait
+from posefuse.pipeline.joint_angles import joint_angles
 from posefuse.pipeline.measured_layer import reconstruct_chunks
 from posefuse.pipeline.people.stills import STILLS
 from posefuse.pipeline.plan import Plan
 from posefuse.pipeline.reconstruct import used_inputs, with_method
 from posefuse.pipeline.solved_layer import mean_times
-from posefuse.progress import Progress
+from posefuse.progress import Progress, report_ranges
 from posefuse.report.html import render_report
 from posefuse.report.percentile_filter import percentile_filter_figure
 from posefuse.triangulation.method import DebugFigure
@@ -50,14 +53,25 @@ class WrittenOutputs:
 
 
 def write_outputs(result: Reconstruction, folder: Path, progress: Progress) -> WrittenOutputs:
-    """Write the tables, TRC, C3D, BVH and glTF files and the report of a result, and its contacts into its file."""
+    """Write everything beside ``reconstruction.nc``, to which joint angles and contacts are added.
+
+    Args:
+        result: the result in ``reconstruction.nc`` of the folder.
+        folder: output folder.
+        progress: receives the progress.
+    """
+    path = folder / RESULT
+    if path.exists():
+        parts = report_ranges(joint_angles(result), result.n_frames, "estimating joint angles", progress)
+        netcdf_angles.add(parts, path)
+        result = netcdf.read_reconstruction(path)
     gait = analyze_gait(result)
     tables, movements = dict(body_tables(result)), ()
     if gait is not None:
         tables |= gait.tables()
         movements = gait.events()
-        add_contact(folder / "reconstruction.nc", gait.contact, gait.sliding, gait.layer)
-    files, layer, unwritten = write_folder(result, folder, progress, angle_table, tables, movements)
+        add_contact(path, gait.contact, gait.sliding, gait.layer)
+    files, layer, unwritten = write_folder(result, folder, progress, tables, movements)
     figures, remarks = ([], []) if unwritten else write_figures(result, people_with_frames(result), folder, progress)
     (folder / REPORT).write_text(render_report(result, progress=progress), "utf-8")
     lines = () if gait is None else gait.summary()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from posefuse.arrays import frozen
-from posefuse.biomechanics.tables import angle_table
+from posefuse.biomechanics.tables import keypoint_angles
 from posefuse.evaluation.consistency import consistency, normalized_squares
 from posefuse.kernels.tracking.anchors import update_from_anchors
 from posefuse.kernels.tracking.projection import project_people
@@ -217,7 +217,7 @@ def test_whole_body_recording_is_reconstructed(scene):
     assert np.isfinite(np.asarray(measured.points_m)[10:, 0, hands]).all()
     assert result.poses is not None
     assert result.poses.segments[-4:] == ("left_palm", "right_palm", "face", "jaw")
-    names, degrees, sds = angle_table(result)
+    names, degrees, sds = keypoint_angles(result)
     assert len(set(names)) == len(names) == degrees.shape[-1]
     # Angles have standard deviations unless a limb with an unobserved twist carries them.
     twisted = [name.split(".")[0] in ("left_foot", "right_foot", "left_palm", "right_palm") for name in names]

@@ -2,7 +2,7 @@
 
 import csv as text_csv
 import io
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from pyarrow import csv
 from posefuse.io.files import must_exist, replacing
 from posefuse.io.results import tables, tidy
 from posefuse.io.results.format import ResultFormat
+from posefuse.model.joint_angles import WITHIN_95, AngleStatus, JointAngles
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus, Source
@@ -23,11 +24,14 @@ from posefuse.model.track_events import Event
 FILE_NAMES: dict[LayerName, str] = {"measured": "keypoints.csv", "solved": "solved.csv", "model": "model.csv"}
 EVENTS, ANGLES = "events.csv", "angles.csv"
 
-Angles = Callable[[Reconstruction], tuple[Sequence[str], np.ndarray, np.ndarray]]
-"""Function that returns, for a range of frames, the names of the joint angles; the angles in degrees, shape (frame,
-person, angle), NaN where unknown; and their standard deviations, in the same form."""
+ANGLE_COLUMNS = (
+    "frame", "time_s", "person", "angle", "convention", "degrees", "sd_degrees", "low_degrees", "high_degrees",
+    "status", "layer",
+)  # fmt: skip
 
 _STATUS = np.array([next((s.label for s in PointStatus if s == code), "") for code in range(256)], dtype=object)
+_ANGLE_STATUS = np.array([status.label for status in AngleStatus], dtype=object)
+_ANGLE_DECIMALS = 3
 _SOURCE = np.array([next((s.label for s in Source if s == code), "") for code in range(256)], dtype=object)
 
 
@@ -65,9 +69,9 @@ def write_events(events: Iterable[Event], path: Path) -> None:
     _write_tables([pa.table(data, names=["frame", "time_s", "person", "what", "why"])], path)
 
 
-def write_angles(parts: Iterable[Reconstruction], path: Path, angles: Angles) -> None:
-    """Write joint angles of consecutive ranges of frames, with standard deviations and the layer."""
-    _write_tables((_angles_table(part, *angles(part)) for part in parts), path)
+def write_angles(parts: Iterable[Reconstruction], path: Path) -> None:
+    """Write joint angles of consecutive ranges of frames; frames without a person have no rows."""
+    _write_tables((angles_table(part, part.joint_angles) for part in parts if part.joint_angles is not None), path)
 
 
 def write_columns(tables: Iterable[Mapping[str, np.ndarray]], path: Path) -> None:
@@ -124,10 +128,22 @@ def table_of(part: Reconstruction, name: LayerName) -> pa.Table:
     return pa.table(data, names=list(columns(part.unit)))
 
 
-def _angles_table(part: Reconstruction, names: Sequence[str], degrees: np.ndarray, sds: np.ndarray) -> pa.Table:
-    layer = np.full(degrees.size, "solved" if part.poses is None else "model", dtype=object)
-    data = [*_key_columns(part, names), _number(degrees), _number(sds), _text(layer)]
-    return pa.table(data, names=["frame", "time_s", "person", "angle", "degrees", "sd_degrees", "layer"])
+def angles_table(part: Reconstruction, angles: JointAngles) -> pa.Table:
+    """Return joint angles as a tidy table, with 95 % intervals."""
+    people = len(part.person_ids)
+    status = np.asarray(angles.status[:]).ravel()
+    rows = status != AngleStatus.ABSENT
+    degrees, sds = (np.asarray(a[:], dtype=np.float64).ravel()[rows] for a in (angles.degrees, angles.sd_deg))
+    columns = (degrees, sds, degrees - WITHIN_95 * sds, degrees + WITHIN_95 * sds)
+    conventions = np.tile(np.array(angles.conventions, dtype=object), part.n_frames * people)
+    data = [
+        *(column.filter(pa.array(rows)) for column in _key_columns(part, angles.names)),
+        _text(conventions[rows]),
+        *(_number(np.round(column, _ANGLE_DECIMALS)) for column in columns),
+        _text(_ANGLE_STATUS[status[rows]]),
+        _text(np.full(int(rows.sum()), angles.layer, dtype=object)),
+    ]
+    return pa.table(data, names=list(ANGLE_COLUMNS))
 
 
 def _key_columns(part: Reconstruction, names: Sequence[str]) -> list[pa.Array]:

@@ -6,8 +6,9 @@ layer: ``measured_position`` (time, individual, keypoint, space) in meters, ``me
 (TOML), provenance, skeleton and alignment (JSON) are attributes of the file. The articulated fit is in ``pose_turn``
 (time, individual, pose_segment, row, column), ``pose_direction`` (time, individual, pose_bone, space),
 ``pose_angle_sd`` (time, individual, pose_angle) in degrees, ``pose_nis`` and ``pose_nis_dof`` (time, individual), and
-``pose_shape`` and ``pose_shape_sd`` (individual, pose_length). Events of tracks and cameras are in ``event_frame``,
-``event_time``, ``event_person``, ``event_what`` and ``event_why`` (event).
+``pose_shape`` and ``pose_shape_sd`` (individual, pose_length). Joint angles are in ``joint_angle`` and
+``joint_angle_sd`` (time, individual, joint_angle_name) in degrees, and ``joint_angle_status``. Events of tracks and
+cameras are in ``event_frame``, ``event_time``, ``event_person``, ``event_what`` and ``event_why`` (event).
 """
 
 import json
@@ -34,6 +35,7 @@ from posefuse.io.netcdf import (
     text_of,
 )
 from posefuse.io.options import options_to_toml, stored_options
+from posefuse.io.results import netcdf_angles
 from posefuse.io.results.finding_records import findings_from_json, findings_to_json
 from posefuse.io.results.format import ResultFormat
 from posefuse.io.results.netcdf_world import alignment_from_json, alignment_to_json, read_rig, write_rig
@@ -133,6 +135,7 @@ def _read(path: Path) -> Reconstruction:
             )
         head["events"] = _read_events(file)
         poses = _read_poses(file, path)
+        head["joint_angles"] = netcdf_angles.read(file, path)
     layers = {
         layer: Layer(**{f.name: stored_array(path, f"{layer}_{_LAYER_VARIABLES[f.name][0]}") for f in fields(Layer)})
         for layer in LAYERS
@@ -182,6 +185,8 @@ def _write_head(file: h5netcdf.File, first: Reconstruction) -> None:
         add_variable(file, "chain_swapped", axes, dtype="i1", **_attributes("", "", SwapState))
     if first.poses is not None:
         _create_pose_variables(file, first.poses)
+    if first.joint_angles is not None:
+        netcdf_angles.create(file, first.joint_angles)
     if first.noise is not None:
         _write_noise(file, first.noise)
     write_rig(file, first.rig)
@@ -244,6 +249,8 @@ def _append(file: h5netcdf.File, part: Reconstruction, start: int) -> None:
         file.variables["pose_root_turn"][start:stop] = part.poses.root_turn_rad2[:]
         file.variables["pose_nis"][start:stop] = part.poses.nis[:]
         file.variables["pose_nis_dof"][start:stop] = part.poses.nis_dof[:]
+    if part.joint_angles is not None:
+        netcdf_angles.append(file, part.joint_angles, start)
 
 
 def _create_pose_variables(file: h5netcdf.File, poses: Poses) -> None:

@@ -21,6 +21,7 @@ RESULTS = FormatRegistry(
         "sleap",
         "nwb",
         "trc",
+        "mot",
         "c3d",
         "bvh",
         "gltf",

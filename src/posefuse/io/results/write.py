@@ -11,7 +11,7 @@ from posefuse.arguments import checked
 from posefuse.errors import ResultError, choices, suggestion
 from posefuse.io.files import check_texts
 from posefuse.io.outputs import check_new_files, check_new_folder, replacing_together
-from posefuse.io.results import c3d, csv, trc
+from posefuse.io.results import c3d, csv, mot, trc
 from posefuse.io.results.format import ResultFacts, ResultFormat
 from posefuse.io.results.names import safe_names
 from posefuse.io.results.registry import RESULTS
@@ -252,7 +252,6 @@ def write_folder(
     result: Reconstruction,
     folder: Path,
     progress: Progress | None = None,
-    angles: csv.Angles | None = None,
     tables: Mapping[str, Iterable[Mapping[str, np.ndarray]]] | None = None,
     movements: Sequence[Event] = (),
 ) -> tuple[list[str], LayerName, tuple[str, ...]]:
@@ -265,7 +264,6 @@ def write_folder(
         result: the result to write.
         folder: output folder.
         progress: receives the progress.
-        angles: returns the joint angles of a range of frames.
         tables: additional tables by file name, as ranges of columns by name.
         movements: events of movements, such as heel strikes, that ``events.csv`` also lists.
 
@@ -281,9 +279,9 @@ def write_folder(
     if result.events or movements or result.poses is not None:
         csv.write_events(sorted([*result.events, *movements], key=lambda event: event.number), folder / csv.EVENTS)
         files.append(csv.EVENTS)
-    if angles is not None and angles(result.frames(0, 1))[0]:
-        parts = report_ranges(result.chunks(), result.n_frames, f"writing {csv.ANGLES}", progress or Silent())
-        csv.write_angles(parts, folder / csv.ANGLES, angles)
+    if result.joint_angles is not None:
+        parts = report_ranges(result.windows(), result.n_frames, f"writing {csv.ANGLES}", progress or Silent())
+        csv.write_angles(parts, folder / csv.ANGLES)
         files.append(csv.ANGLES)
     for file_name, columns in (tables or {}).items():
         csv.write_columns(columns, folder / file_name)
@@ -292,7 +290,7 @@ def write_folder(
     if not result.has_identities:
         return files, layer, ()
     # The frames are read once per file, so the other layers are left out.
-    bare = replace(result, layers={layer: points}, tracks=None, swaps=None, poses=None, events=())
+    bare = replace(result, layers={layer: points}, tracks=None, swaps=None, poses=None, events=(), joint_angles=None)
     people = people_with_frames(result)
     try:
         if people:
@@ -302,6 +300,9 @@ def write_folder(
     for person, stem in zip(people, safe_names(people), strict=True):
         trc.write(bare, person, folder / f"{stem}.trc", layer, progress)
         files.append(f"{stem}.trc")
+        if mot.has_coordinates(result):
+            mot.write(replace(bare, joint_angles=result.joint_angles), person, folder / f"{stem}.mot", layer)
+            files.append(f"{stem}.mot")
         if result.unit == "m":
             c3d.write(bare, person, folder / f"{stem}.c3d", layer, progress)
             files.append(f"{stem}.c3d")

@@ -30,6 +30,8 @@ class SubjectOptions:
 
     Attributes:
         mass_table: Table of segment masses for the center of mass in com.csv; "none" writes no center of mass.
+        static: Frames START:STOP of the recording in which people stand upright with straight legs, or the result of
+            such a static trial; joint angles are zero in anatomical alignment as it shows it.
         mass_kg: Body mass of the subject, used in com.csv and in the scaling setup written for OpenSim.
         id: Identifier of the subject in NWB files, without slashes.
         species: Species of the subject in NWB files, as its Latin name or the address of its NCBI taxon.
@@ -39,6 +41,7 @@ class SubjectOptions:
     """
 
     mass_table: MassTable = "none"
+    static: str | None = option(None, example='"0:60"')
     mass_kg: float | None = option(None, above=0.0, example="70.0")
     id: str | None = option(None, example='"s01"')
     species: str | None = option(None, example='"Homo sapiens"')

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from posefuse.biomechanics.tables import angle_table
 from posefuse.errors import OptionsError, choices, suggestion
 from posefuse.report.plots.data import MAX_PANELS, PAGE_WIDTH_IN, PERSON_COLORS, DrawFigure, PlotData, time_axis
 from posefuse.report.series import mean_per_interval
@@ -69,17 +68,18 @@ def plot_angles(data: PlotData) -> DrawFigure | None:
     Raises:
         OptionsError: if ``data`` names an angle that the result does not have.
     """
-    parts = [angle_table(part) for part in data.result.chunks()]
-    names = parts[0][0]
-    if not names:
+    angles = data.result.joint_angles
+    if angles is None:
         return None
+    names = angles.names
     for name in data.angles:
         if name not in names:
             raise OptionsError(
                 f"`angle`: unknown angle {name!r}. {suggestion(name, names)} Available angles: {choices(names, 40)}."
             )
-    degrees, deviations = (np.concatenate([part[i] for part in parts]) for i in (1, 2))
-    chosen = [names.index(name) for name in data.angles] or _most_mobile(degrees)
+    degrees, deviations = np.asarray(angles.degrees[:]), np.asarray(angles.sd_deg[:])
+    first = [c == angles.conventions[0] for c in angles.conventions]
+    chosen = [names.index(name) for name in data.angles] or _most_mobile(degrees[:, :, first])
     panels = [(f"{names[a]}, degrees", degrees[:, :, a]) for a in chosen]
     bands = [deviations[:, :, a] for a in chosen]
     return lambda: _draw_panels(data, panels, np.arange(data.result.n_frames), bands)

@@ -2,6 +2,7 @@
 
 import csv
 import warnings
+from dataclasses import replace
 
 import c3d
 import ezc3d
@@ -11,8 +12,9 @@ import pytest
 import posefuse
 from posefuse.io.results import trc
 from posefuse.io.results.axes import y_up_from_world
-from posefuse.io.results.csv import columns
+from posefuse.io.results.csv import ANGLE_COLUMNS, columns
 from posefuse.io.results.write import write_folder
+from posefuse.model.joint_angles import WITHIN_95, AngleStatus, JointAngles
 from posefuse.model.track_events import Event
 from tests.properties.test_result_files import some_result
 
@@ -22,15 +24,25 @@ def rows_of(path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+def angles_of(result) -> JointAngles:
+    """Return arbitrary angles of a result, some of which are missing."""
+    shape = np.asarray(result.poses.nis).shape
+    degrees = np.random.default_rng(0).uniform(-90.0, 90.0, (*shape, 2)).astype(np.float32)
+    status = np.zeros(degrees.shape, dtype=np.int8)
+    status[3:6, 1, 1] = AngleStatus.NOT_OBSERVED
+    status[5:, 3] = AngleStatus.ABSENT
+    degrees[status != AngleStatus.OK] = np.nan
+    pelvis = np.zeros((*shape, 3))
+    return JointAngles(
+        ("elbow_bend", "knee_bend"), ("keypoints",) * 2, "model", degrees, degrees * 0 + 2, status, pelvis
+    )
+
+
 class TestFolder:
     @pytest.fixture
     def folder(self, crowd_result, tmp_path):
-        names = ("elbow_bend", "knee_bend")
-
-        def angles(part):
-            return names, np.asarray(part.poses.directions)[..., 0] * 90, np.asarray(part.poses.angle_sd_deg)
-
-        files, layer, _ = write_folder(crowd_result, tmp_path, angles=angles)
+        result = replace(crowd_result, joint_angles=angles_of(crowd_result))
+        files, layer, _ = write_folder(result, tmp_path)
         people = [f"person_{i}.{form}" for i in range(1, 5) for form in ("trc", "c3d")]
         assert files == ["keypoints.csv", "model.csv", "events.csv", "angles.csv", *people]
         assert layer == "model"
@@ -54,15 +66,19 @@ class TestFolder:
 
     def test_angles_are_tidy_and_missing_is_empty(self, crowd_result, folder):
         rows = rows_of(folder / "angles.csv")
-        assert list(rows[0]) == ["frame", "time_s", "person", "angle", "degrees", "sd_degrees", "layer"]
+        assert tuple(rows[0]) == ANGLE_COLUMNS
+        angles = angles_of(crowd_result)
+        present = angles.status != AngleStatus.ABSENT
+        assert not present.all()
+        assert len(rows) == present.sum()
         assert [row["angle"] for row in rows[:3]] == ["elbow_bend", "knee_bend", "elbow_bend"]
-        assert [row["person"] for row in rows[:9:2]] == ["person_1", "person_2", "person_3", "person_4", "person_1"]
+        assert [row["person"] for row in rows[:5:2]] == ["person_1", "person_2", "person_3"]
         degrees = np.array([float(row["degrees"] or "nan") for row in rows])
-        expected = np.asarray(crowd_result.poses.directions)[..., 0] * 90
-        np.testing.assert_array_equal(degrees.reshape(expected.shape), expected)
+        np.testing.assert_allclose(degrees, angles.degrees[present], atol=6e-4)
         assert np.isnan(degrees).any()
-        sds = np.array([float(row["sd_degrees"] or "nan") for row in rows])
-        np.testing.assert_array_equal(sds, crowd_result.poses.angle_sd_deg.ravel())
+        low, high = (np.array([float(row[f"{end}_degrees"] or "nan") for row in rows]) for end in ("low", "high"))
+        np.testing.assert_allclose(high - low, 2.0 * WITHIN_95 * angles.sd_deg[present], atol=3e-3)
+        assert {row["status"] for row in rows} == {"ok", "not_observed"}
         assert "nan" not in (folder / "angles.csv").read_text()
 
     def test_person_who_leaves_and_returns(self, crowd_result, folder):
