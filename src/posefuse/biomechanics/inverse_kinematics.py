@@ -75,10 +75,11 @@ def person_points(
     points = np.where(np.expand_dims(known, -1), points, np.nan)
     to_world = about_y(headings(points, model.keypoints))
     hips = [model.keypoints.index(f"{side}_hip") for side in ("left", "right")]
-    origin = np.where(known[:, hips].all(axis=1)[:, None], points[:, hips].mean(axis=1), _middle(points, known))
+    both = np.asarray(known[:, hips].all(axis=1))
+    origin = np.where(np.expand_dims(both, -1), points[:, hips].mean(axis=1), _middle(points, known))
     local = np.einsum("fji,fkj->fki", to_world, points - origin[:, None])
     turn = np.einsum("ij,fjk->fik", vertical.T, to_world)
-    covariance = np.where(known[..., None, None], covariance, np.eye(3))
+    covariance = np.where(np.expand_dims(known, (-1, -2)), covariance, np.eye(3))
     inside = np.einsum("fji,fkjl,flm->fkim", turn, covariance, turn) + MODEL_SD_M**2 * np.eye(3)
     information = np.linalg.inv(inside)
     usable = (known.sum(axis=1) >= MIN_POINTS) & known[:, hips].any(axis=1)

@@ -31,7 +31,7 @@ class Shortcuts:
 
     smoother: Annotated[Smoother | None, Parameter(help="Short for --tracker.smoother.")] = None
     max_people: Annotated[int | None, Parameter(help="Short for --tracker.max-people.")] = None
-    static: Annotated[str | None, Parameter(help="Short for --subject.static.")] = None
+    static: Annotated[str | None, Parameter(help="Static trial: frames START:STOP, or a result.")] = None
     align: Annotated[Literal["floor"] | None, Parameter(help="Short for --align.floor feet.")] = None
 
     def applied_to(self, options: Options) -> Options:
@@ -73,9 +73,9 @@ def reconstruct(
 ) -> None:
     """Reconstruct people in 3D from a recording's calibration and 2D keypoints.
 
-    Writes reconstruction.nc (everything), keypoints.csv (measured points), one .trc and .c3d per person and
-    report.html; angles.csv and one .mot per person for human skeletons; solved.csv where points are solved over time;
-    model.csv, events.csv and one .bvh and .glb per person where bodies are fitted; and debug/percentile_filter.png with the method percentile_filter.
+    Writes reconstruction.nc (everything), keypoints.csv (measured points), report.html, one .trc and .c3d per person;
+    angles.csv and one .mot per human; solved.csv where points are solved over time; and model.csv, events.csv and one
+    .bvh and .glb per person where bodies are fitted.
 
     A recording of more than --chunk-frames frames is reconstructed chunk by chunk. Finished chunks are stored in
     OUTPUT/.parts until the result is complete: after an interruption of any kind, the same command resumes from the

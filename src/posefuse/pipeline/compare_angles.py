@@ -53,8 +53,8 @@ def joint_angles_in(path: Path) -> tuple[AngleSeries, ...]:
     files = sorted(file for file in folder.iterdir() if is_motion_table(file))
     if not files:
         raise FileError(
-            f"{folder} has no .mot file, so there are no joint angles to compare. They are written for people with a "
-            "fitted body; write them with posefuse convert --to mot."
+            f"{folder} has no .mot file, so there are no joint angles to compare. They are written for people in "
+            "worlds with a known up axis."
         )
     return tuple(read_joint_angles(file) for file in files)
 

@@ -28,7 +28,7 @@ class AlignOptions:
     """Coordinate system and scale of a result; the defaults keep those of the calibration.
 
     Attributes:
-        floor: Floor plane to use: keep or feet. "keep" uses the calibration's up axis, "feet" fits the plane on which
+        floor: Floor: keep or feet. "keep" uses the calibration's up axis, "feet" fits the plane on which
             feet rest.
         floor_points_m: Three points on the floor in calibration coordinates, nine numbers, instead of align.floor.
         origin: Position of the origin: "keep" projects the calibration's origin onto the floor, "subject" uses the
