@@ -54,7 +54,8 @@ def test_edit(run, folder):
     edited = posefuse.read_reconstruction(out / "reconstruction.nc")
     expected = apply_edits(posefuse.read_reconstruction(folder / "result/reconstruction.nc"),
                            posefuse.read_edits(folder / "edits.toml"))  # fmt: skip
-    assert replace(edited, provenance=expected.provenance) == expected
+    assert edited.joint_angles is not None
+    assert replace(edited, provenance=expected.provenance, joint_angles=None) == expected
     assert edited.provenance.notes == expected.provenance.notes
     assert list(edited.provenance.inputs) == ["edits.toml"]
     assert str(folder).encode() not in (out / "reconstruction.nc").read_bytes()

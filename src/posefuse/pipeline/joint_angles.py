@@ -33,12 +33,12 @@ def joint_angles(result: Reconstruction) -> Iterator[JointAngles]:
     """Yield the joint angles of consecutive ranges of frames; nothing without angles.
 
     A human skeleton has the coordinates of the anatomical model and ISB angles. Other skeletons, hands and faces have
-    angles between segments and bones.
+    angles between segments and bones. Unrelated frames have none, because a person is estimated from several frames.
 
     Raises:
         OptionsError: if the static trial cannot be used.
     """
-    if result.unit != "m" or not result.n_frames or not result.person_ids:
+    if result.unit != "m" or not result.n_frames or not result.person_ids or not result.has_identities:
         return
     model = marker_model(result.skeleton)
     people = None if model is None else _People.of(result, model)
