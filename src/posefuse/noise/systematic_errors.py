@@ -36,6 +36,12 @@ _MAX_RATIO = 1.5
 """Cameras with more than this multiple of the median noise are not among those that must agree."""
 
 _MIN_POINTS = 30
+_MIN_IN_HALF = 5
+"""Points of a keypoint in each half of the sample, from which a median is taken."""
+
+_SIGNIFICANT_SD = 2.5
+"""Standard errors over keypoints below which the common part of errors is chance."""
+
 _TOLERANCE = 0.01
 """Largest relative increase of the prediction errors that counts as none."""
 
@@ -117,17 +123,35 @@ def _lasting_px2(found: LeaveOneOutPoints, noise: NoiseModel, keypoints: int) ->
     squared = np.einsum("pvi,pvij,pvj->pv", residual, inverse, residual)
     determinant = inverse[..., 0, 0] * inverse[..., 1, 1] - inverse[..., 0, 1] ** 2
     near = fit.used & (squared < _NEAR) & (determinant > _MIN_DETERMINANT)
-    error_px = np.where(near[..., None], residual * np.where(near, sigma_px, 0.0)[..., None], 0.0)
-    keypoint = found.column % keypoints
-    total, power = np.zeros(near.shape[1]), np.zeros(near.shape[1])
-    for each in np.unique(keypoint):
-        n = near[keypoint == each].sum(axis=0)
-        mean = error_px[keypoint == each].sum(axis=0) / np.maximum(n, 1)[:, None]
-        power += n * 0.5 * np.square(mean).sum(axis=-1)
-        total += n
-    power /= np.maximum(total, 1.0)
-    excess = np.where(total < _MIN_POINTS, 0.0, power - np.median(power))
+    error_px = np.where(near[..., None], residual * np.where(near, sigma_px, 0.0)[..., None], np.nan)
+    keypoint, is_first = found.column % keypoints, found.frame < np.median(found.frame)
+    groups = [(error_px[keypoint == each], is_first[keypoint == each]) for each in np.unique(keypoint)]
+    power_px2 = np.array([_common_px2(errors, first) for errors, first in groups])
+    known = np.isfinite(power_px2)
+    n = known.sum(axis=0)
+    mean = np.where(known, power_px2, 0.0).sum(axis=0) / np.maximum(n, 1)
+    spread = np.where(known, (power_px2 - mean) ** 2, 0.0).sum(axis=0)
+    chance = _SIGNIFICANT_SD * np.sqrt(spread / np.maximum(n * (n - 1), 1))
+    excess = np.where((near.sum(axis=0) < _MIN_POINTS) | (mean < chance), 0.0, mean - np.median(mean))
     return np.clip(excess, 0.0, np.square(noise.scale_px))
+
+
+def _common_px2(error_px: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Return what the errors of one keypoint have in common in both halves of a sample, shape (view,), px^2 per axis.
+
+    The product of the medians of two halves contains no noise that is independent between them.
+
+    Args:
+        error_px: shape (point, view, 2), NaN where unknown.
+        first: shape (point,), bool: points of the first half.
+    """
+    halves = (error_px[first], error_px[~first])
+    counts = [np.isfinite(half[..., 0]).sum(axis=0) for half in halves]
+    enough = np.minimum(*counts) >= _MIN_IN_HALF
+    medians = [np.zeros((error_px.shape[1], 2)) for _ in halves]
+    for median, half in zip(medians, halves, strict=True):
+        median[enough] = np.nanmedian(half[:, enough], axis=0) if enough.any() else 0.0
+    return np.where(enough, 0.5 * (medians[0] * medians[1]).sum(axis=-1), np.nan)
 
 
 def _log_means(errors_px: np.ndarray) -> np.ndarray:
