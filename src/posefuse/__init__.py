@@ -120,6 +120,8 @@ if TYPE_CHECKING:
     from posefuse.pipeline.diagnose import inspect_health as inspect_health
     from posefuse.pipeline.diagnose import measure_sync as measure_sync
     from posefuse.pipeline.evaluate_files import evaluate_files as evaluate_files
+    from posefuse.pipeline.opensim import OpenSimOutcome as OpenSimOutcome
+    from posefuse.pipeline.opensim import opensim_results as opensim_results
     from posefuse.pipeline.place_calibration import place_calibration as place_calibration
     from posefuse.pipeline.recalibrate import recalibrate as recalibrate
     from posefuse.pipeline.reconstruct import reconstruct as reconstruct
@@ -243,6 +245,7 @@ _PUBLIC = {
     "pipeline.compare_angles": ("compare_angle_files",),
     "pipeline.compare_results": ("compare_results",),
     "pipeline.evaluate_files": ("evaluate_files",),
+    "pipeline.opensim": ("opensim_results", "OpenSimOutcome"),
     "pipeline.place_calibration": ("place_calibration",),
     "pipeline.recalibrate": ("recalibrate",),
     "pipeline.reconstruct": ("reconstruct", "triangulate"),

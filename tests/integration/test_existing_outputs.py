@@ -84,6 +84,7 @@ REFUSES: dict[str, Callable[[Inputs], Arguments]] = {
     "report": lambda given: (given.result, "-o", "out.html"),
     "view": lambda given: (given.result, "--save", "out.rrd"),
     "overlay": lambda given: (given.result, "--blank", "--end-s", 0.1, "-o", "out"),
+    "opensim": lambda given: (given.result, "-o", "out"),
     "plot": lambda given: (given.result, "--figure", "errors", "-o", "out"),
     "init": lambda _: (),
 }
@@ -179,6 +180,8 @@ def fail_to_replace(monkeypatch) -> None:
 def test_second_run_is_refused(name, run, given, tmp_path, monkeypatch):
     if name == "view":
         pytest.importorskip("rerun", reason="rerun is not installed (extra view)")
+    if name == "opensim":
+        pytest.importorskip("opensim", reason="OpenSim is not installed (extra opensim)")
     command = (name.partition(" ")[0], *REFUSES[name](given))
     assert run(*command)[0] == 0
     before, folders = files_in(tmp_path), folders_in(tmp_path)

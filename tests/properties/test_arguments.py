@@ -92,6 +92,7 @@ def arguments_of(w: SimpleNamespace, name: str) -> dict[str, Any]:
         "compare_angles": {"result": w.angles, "reference": w.angles},
         "compare_angle_files": {"result": w.folder / "walk.mot", "references": [w.folder / "walk.mot"]},
         "compare_results": {"first": w.folder / "reconstruction.nc", "second": w.folder / "reconstruction.nc"},
+        "opensim_results": {"results": [w.folder / "reconstruction.nc"], "output": w.folder / "opensim"},
         "people_points": {"result": w.people, "truth": w.crowd.truth},
         "read_cameras": {"path": w.folder / "calibration.toml"},
         "read_detections": {"path": w.folder / "keypoints.nc"},

@@ -49,6 +49,14 @@ TESTED_ELSEWHERE = {
         "report/angle_agreement.py",
     ),
     "integration/test_existing_outputs.py": ("io/outputs.py",),
+    "integration/test_opensim_command.py": (
+        "io/opensim/library.py",
+        "io/opensim/setup_file.py",
+        "io/opensim/tools.py",
+        "io/opensim/worker.py",
+        "pipeline/opensim.py",
+        "pipeline/opensim_person.py",
+    ),
     "integration/test_refine_command.py": ("pipeline/refine_recording.py",),
     "integration/test_solved_commands.py": ("biomechanics/tables.py",),
     "integration/test_stream_command.py": (

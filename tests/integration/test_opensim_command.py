@@ -1,0 +1,204 @@
+"""``posefuse opensim`` from a result to OpenSim's files, and the signs of all angles against OpenSim's model."""
+
+import csv
+import importlib.util
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import posefuse
+from posefuse.biomechanics.anatomy.scaled import ScaledAnatomy
+from posefuse.biomechanics.coordinate_priors import moving_prior
+from posefuse.biomechanics.inverse_kinematics import person_points, solve
+from posefuse.biomechanics.marker_model import MarkerModel, marker_model
+from posefuse.io.motion_tables import read_joint_angles
+from posefuse.io.opensim.model_file import write_model
+from posefuse.io.results.axes import y_up_from_world
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.skeleton.skeletons import shipped_skeleton
+from tests.figures import model_layer
+from tests.scenes import ring
+
+FRAMES, RATE_HZ = 12, 60.0
+FLEXED_DEG = {"knee_angle": 40.0, "elbow_flex": 60.0, "hip_flexion": 20.0, "pro_sup": 60.0, "arm_flex": 10.0}
+"""A pose in which no limb is straight, so that points show every rotation."""
+needs_opensim = pytest.mark.skipif(
+    importlib.util.find_spec("opensim") is None,
+    reason="the package opensim is not installed: pip install 'posefuse[opensim]'",
+)
+
+
+def model_of(name: str) -> MarkerModel:
+    model = marker_model(shipped_skeleton(name))
+    assert model is not None
+    return model
+
+
+def flexed(model: MarkerModel) -> np.ndarray:
+    q = model.anatomy.defaults.copy()
+    for name, degrees in FLEXED_DEG.items():
+        for side in "rl":
+            q[model.anatomy.coordinate_index(f"{name}_{side}")] = np.radians(degrees)
+    return q
+
+
+def walking(model: MarkerModel, heading_deg: float = 70.0) -> np.ndarray:
+    """Return coordinates of a person who moves all large joints and faces another direction than x."""
+    q = np.repeat(flexed(model)[None], FRAMES, axis=0)
+    phase = 2 * np.pi * np.arange(FRAMES) / FRAMES
+    for name, amplitude in {"hip_flexion": 20.0, "knee_angle": 20.0, "ankle_angle": 10.0, "arm_flex": 15.0}.items():
+        for sign, side in ((1, "r"), (-1, "l")):
+            q[:, model.anatomy.coordinate_index(f"{name}_{side}")] += np.radians(amplitude) * sign * np.sin(phase)
+    q[:, model.anatomy.coordinate_index("pelvis_rotation")] = np.radians(heading_deg)
+    q[:, model.anatomy.coordinate_index("pelvis_tx")] = 0.01 * np.arange(FRAMES)
+    return q
+
+
+def recorded(path: Path, size: float = 1.05) -> Reconstruction:
+    """Write a result of a walking person whose points are the model's markers."""
+    model, rig = model_of("halpe_26"), ring(3)
+    scales = size * model.anatomy.unscaled()
+    places = model.anatomy.marker_positions(scales, walking(model), model.markers.bodies, model.markers.locations_m)
+    points = np.full((FRAMES, 1, len(shipped_skeleton("halpe_26")), 3), np.nan)
+    points[:, 0, model.columns] = places @ y_up_from_world(rig.up_axis)
+    layer = model_layer(points)
+    covariance = np.full(layer.covariance_m2.shape, 0.0)
+    covariance[..., [0, 3, 5]] = 0.005**2
+    layer = replace(layer, covariance_m2=np.where(np.isfinite(points[..., :1]), covariance, np.nan))
+    result = Reconstruction(
+        rig=rig, skeleton=shipped_skeleton("halpe_26"), person_ids=("anna",), frame_numbers=np.arange(FRAMES),
+        time_s=np.arange(FRAMES) / RATE_HZ, layers={"solved": layer}, rate_hz=RATE_HZ,
+    )  # fmt: skip
+    path.mkdir()
+    posefuse.write(result, path / "reconstruction.nc")
+    return result
+
+
+def rows_of(folder: Path) -> dict[str, dict[str, str]]:
+    with (folder / "angles_comparison.csv").open(encoding="utf-8", newline="") as file:
+        return {row["angle"]: row for row in csv.DictReader(file)}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("opensim")
+    recorded(folder / "walk")
+    return folder
+
+
+@needs_opensim
+def test_a_walk_is_scaled_solved_and_compared(run, folder):
+    code, output, warned = run("opensim", folder / "walk", "--output", folder / "out")
+    assert (code, warned) == (0, "")
+    assert {file.name for file in (folder / "out").iterdir()} >= {
+        "angles_comparison.csv", "anna.osim", "anna.mot", "anna.trc", "anna_ik.xml",
+    }  # fmt: skip
+    assert all(len(line) <= 80 for line in output.splitlines() if "/" not in line)
+    found = read_joint_angles(folder / "out" / "anna.mot")
+    model = model_of("halpe_26")
+    true = np.degrees(walking(model))
+    for name in ("hip_flexion", "knee_angle", "ankle_angle", "arm_flex", "elbow_flex"):
+        for side in "rl":
+            angle = f"{name}_{side}"
+            error = found.degrees[:, found.angles.index(angle)] - true[:, model.anatomy.coordinate_index(angle)]
+            # The person is estimated too: sizes and places of points deviate within their priors.
+            assert np.abs(error - np.median(error)).max() < 2.0, angle
+            assert float(rows_of(folder / "out")[angle]["rmse_deg"]) < 3.0
+
+
+@needs_opensim
+def test_a_model_of_the_user_is_scaled_in_the_same_way(run, folder):
+    model = model_of("halpe_26")
+    bodies = np.array([model.anatomy.body_index("pelvis")])
+    unscaled = ScaledAnatomy(
+        "mine", model.anatomy, model.anatomy.unscaled(), ("old",), bodies, np.zeros((1, 3)), model.anatomy.defaults
+    )
+    write_model(unscaled, folder / "mine.osim")
+    assert run("opensim", folder / "walk", "-o", folder / "built_in")[0] == 0
+    assert run("opensim", folder / "walk", "--model", folder / "mine.osim", "-o", folder / "mine")[0] == 0
+    ours, theirs = (read_joint_angles(folder / name / "anna.mot") for name in ("built_in", "mine"))
+    assert ours.angles == theirs.angles
+    np.testing.assert_allclose(ours.degrees, theirs.degrees, atol=0.2)
+
+
+@needs_opensim
+def test_a_model_without_a_full_body_says_what_it_lacks(run, folder):
+    (folder / "arm.osim").write_text('<OpenSimDocument Version="40500"><Model name="arm"/></OpenSimDocument>', "utf-8")
+    code, _, warned = run("opensim", folder / "walk", "--model", folder / "arm.osim", "-o", folder / "arm")
+    assert code == 1
+    text = " ".join(warned.split())
+    assert "lacks the bodies pelvis" in text
+    assert "simtk.org/projects/full_body" in text
+    assert not (folder / "arm").exists()
+
+
+def test_without_the_extra_one_sentence_names_it(run, folder, monkeypatch):
+    monkeypatch.setattr("posefuse.io.opensim.library.importlib.util.find_spec", lambda name: None)
+    code, _, warned = run("opensim", folder / "walk", "-o", folder / "none")
+    assert code == 1
+    assert "pip install 'posefuse[opensim]'" in " ".join(warned.split())
+    assert not (folder / "none").exists()
+
+
+def test_an_unknown_model_names_the_choices(run, folder):
+    code, _, warned = run("opensim", folder / "walk", "--model", "gait", "-o", folder / "none")
+    assert code == 2
+    assert "expected rajagopal or an .osim file" in " ".join(warned.split())
+
+
+class TestConventions:
+    """Each coordinate of OpenSim's model is recovered from markers with its sign."""
+
+    STEP_DEG = 15.0
+
+    def test_one_coordinate_at_a_time(self, tmp_path):
+        opensim = pytest.importorskip("opensim", reason="the package opensim is not installed")
+        model = model_of("coco_wholebody_133")
+        anatomy, base = model.anatomy, flexed(model)
+        person = ScaledAnatomy(
+            "model", anatomy, model.scales, model.keypoints, model.markers.bodies, model.markers.locations_m, base
+        )
+        write_model(person, tmp_path / "model.osim")
+        rotations = [c for c in range(len(base)) if not anatomy.is_translation[c]]
+        poses = np.stack([base, *(base + np.radians(self.STEP_DEG) * np.eye(len(base))[c] for c in rotations)])
+        points = np.full((len(poses), len(shipped_skeleton("coco_wholebody_133")), 3), np.nan)
+        points[:, model.columns] = self.markers(opensim, tmp_path / "model.osim", model, poses)
+        change = self.estimated(model, points)
+        change = np.degrees(change[1:] - change[0])
+        for row, c in enumerate(rotations):
+            expected = self.STEP_DEG * (np.array(rotations) == c)
+            error = np.abs(change[row, rotations] - expected)
+            assert error[row] < 1.0, anatomy.coordinates[c]
+            assert error.max() < 2.0, (anatomy.coordinates[c], anatomy.coordinates[rotations[int(error.argmax())]])
+
+    def markers(self, opensim, path: Path, model: MarkerModel, poses: np.ndarray) -> np.ndarray:
+        """Return the positions of markers in OpenSim, shape (frame, marker, 3)."""
+        opensim.Logger.removeFileSink()
+        theirs = opensim.Model(str(path))
+        state = theirs.initSystem()
+        out = np.empty((len(poses), len(model.keypoints), 3))
+        for t, pose in enumerate(poses):
+            for name, value in zip(model.anatomy.coordinates, pose.tolist(), strict=True):
+                theirs.getCoordinateSet().get(name).setValue(state, value, False)
+            theirs.realizePosition(state)
+            for k, name in enumerate(model.keypoints):
+                place = theirs.getMarkerSet().get(name).getLocationInGround(state)
+                out[t, k] = [place.get(i) for i in range(3)]
+        return out
+
+    def estimated(self, model: MarkerModel, points: np.ndarray) -> np.ndarray:
+        """Return the coordinates of exact points, with the pelvis in the axes of OpenSim's ground."""
+        covariance = np.zeros((*points.shape[:2], 6))
+        covariance[..., [0, 3, 5]] = 1e-8
+        person = person_points(model, points, covariance, np.eye(3))
+        exact = np.broadcast_to(1e8 * np.eye(3), person.information.shape).copy()
+        prior = moving_prior()
+        solution = solve(model, replace(person, information=exact), prior.with_habits(np.zeros(len(prior.row_sd))))
+        out = solution.coordinates.copy()
+        pelvis = person.world_from_person @ solution.rotations[:, model.anatomy.body_index("pelvis")]
+        at = [model.anatomy.coordinate_index(f"pelvis_{name}") for name in ("tilt", "list", "rotation")]
+        out[:, at] = Rotation.from_matrix(pelvis).as_euler("ZXY")
+        return out
