@@ -60,7 +60,7 @@ COMMANDS = {
     "stream": "Track people live from a stream of 2D keypoints.",
     "replay": "Write a recording as the lines that stream reads.",
     "batch": "Reconstruct many recordings.",
-    "opensim": "Scale OpenSim models and run its inverse kinematics.",
+    "opensim": "Scale an OpenSim model to each person and run inverse kinematics.",
     "plot": "Draw a result's figures as PNG and SVG.",
     "demo": "Simulate, reconstruct, evaluate and report.",
     "init": "Write a commented project file.",
