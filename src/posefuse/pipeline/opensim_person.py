@@ -151,7 +151,8 @@ def _open_coordinates(
     and the lumbar coordinates together determine its tilt.
     """
     anatomy = fit.model.anatomy
-    points, covariance = np.asarray(layer.points_m[:])[sample, index], np.asarray(layer.covariance_m2[:])[sample, index]
+    frames = [_window(layer, index, int(t), int(t) + 1) for t in sample]
+    points, covariance = (np.concatenate(arrays) for arrays in zip(*frames, strict=True))
     solution = solve(fit.model, person_points(fit.model, points, covariance, vertical), fit.prior)
     information = np.linalg.inv(solution.covariance[np.isfinite(solution.cost)]) - fit.prior.precision
     mean = information.mean(axis=0)
