@@ -132,17 +132,20 @@ def _parameter_errors(case: Case, gait: Gait) -> tuple[float, float]:
     step, cadence = (mean_of(gait.parameters, name) for name in ("step_length_m", "cadence_steps_min"))
     if case.plan is None or step is None or cadence is None:
         return float("nan"), float("nan")
+    # The truth over the same steps: a step whose strike is missed or attributed to another stance has no duration.
     strikes = [each for each in gait.events if each.kind == "heel_strike" and not each.closing]
     lengths, times = [], []
     for i, strike in enumerate(strikes[1:], start=1):
         before = strikes[i - 1]
+        if before.bout != strike.bout or before.side == strike.side:
+            continue
         times.append(_stance(case.motion.feet[strike.side], strike.time_s)[1] - _stance(
             case.motion.feet[before.side], before.time_s)[1])  # fmt: skip
-        if i > 1:
+        if i > 1 and strikes[i - 2].side == strike.side and strikes[i - 2].bout == strike.bout:
             places = [_stance(case.motion.feet[each.side], each.time_s)[0] for each in (strikes[i - 2], before, strike)]
             along = places[2] - places[0]
             lengths.append(float((places[2] - places[1]) @ along) / float(np.linalg.norm(along)))
-    true_cadence = float(np.mean(60.0 / np.array(times)))
+    true_cadence = float(np.mean([60.0 / each if each > 0 else np.nan for each in times]))
     return step.value - float(np.mean(lengths)), cadence.value / true_cadence - 1.0
 
 

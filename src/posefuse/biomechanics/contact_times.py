@@ -9,9 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-_REST_S, _MOVING_S = 0.10, 0.12
+_REST_S, _MOVING_S = 0.10, 0.16
 _SEARCH_S = 0.10
 _CANDIDATES = 41
+_ROLL_S = 0.03
+"""Time by which one part of a foot touches or leaves after the other if the foot rolls."""
+_LONGEST_STEP_S = 0.25
+_MIN_STEPS = 6
+_UNKNOWN_SD_S = 0.03
 _PERIOD_DOUBT = 0.5
 """Standard deviation of an exact time in frame periods, from the discrete frames."""
 
@@ -33,13 +38,59 @@ class Interval:
     end_sd_s: float
 
 
-def contact_intervals(time_s: np.ndarray, relative_m_s: np.ndarray, probability: np.ndarray) -> list[Interval]:
-    """Return the intervals in which contact is more probable than not.
+@dataclass(frozen=True, eq=False)
+class _Steps:
+    """Velocities of a point relative to the ground between consecutive frames.
+
+    Attributes:
+        time_s: shape (step,): middle of the two frames.
+        velocity_m_s: shape (step, 3).
+    """
+
+    time_s: np.ndarray
+    velocity_m_s: np.ndarray
+
+    @classmethod
+    def of(cls, time_s: np.ndarray, points_m: np.ndarray, ground_m_s: np.ndarray) -> "_Steps":
+        steps = np.diff(points_m, axis=0) / np.diff(time_s)[:, None] - np.array([*ground_m_s, 0.0])
+        known = np.isfinite(steps[:, 0]) & (np.diff(time_s) < _LONGEST_STEP_S)
+        return cls((0.5 * (time_s[1:] + time_s[:-1]))[known], steps[known])
+
+    def between(self, first_s: float, last_s: float) -> "_Steps":
+        """Return the velocities in an interval."""
+        first, last = np.searchsorted(self.time_s, [first_s, last_s])
+        return _Steps(self.time_s[first:last], self.velocity_m_s[first:last])
+
+
+def foot_intervals(
+    time_s: np.ndarray, points_m: np.ndarray, ground_m_s: np.ndarray, probability: np.ndarray
+) -> list[list[Interval]]:
+    """Return the intervals in which the heel and the toes of a foot touch.
+
+    When a foot rolls, its second part to touch is fitted from the touch of the first one on, which changes the velocity
+    of both; the first part to leave is fitted until the second one leaves.
 
     Args:
         time_s: shape (frame,).
-        relative_m_s: shape (frame, 3): velocity relative to the ground, NaN where unknown.
+        points_m: shape (frame, part, 3), NaN where unknown.
+        ground_m_s: shape (2,): velocity of the ground.
+        probability: shape (frame, part): probability of contact, NaN where unknown, which interrupts contact.
+    """
+    steps = [_Steps.of(time_s, points_m[:, part], ground_m_s) for part in (0, 1)]
+    alone = [_intervals(time_s, steps[part], probability[:, part]) for part in (0, 1)]
+    return [_intervals(time_s, steps[part], probability[:, part], alone[1 - part]) for part in (0, 1)]
+
+
+def _intervals(
+    time_s: np.ndarray, steps: _Steps, probability: np.ndarray, other: list[Interval] | None = None
+) -> list[Interval]:
+    """Return the intervals in which contact of a point is more probable than not.
+
+    Args:
+        time_s: shape (frame,).
+        steps: velocities of the point relative to the ground.
         probability: shape (frame,): probability of contact, NaN where unknown, which interrupts contact.
+        other: intervals of the other part of the foot, whose changes limit the fits.
     """
     on = np.nan_to_num(probability) > 0.5
     edges = np.flatnonzero(np.diff(on.astype(np.int8), prepend=0, append=0))
@@ -48,14 +99,15 @@ def contact_intervals(time_s: np.ndarray, relative_m_s: np.ndarray, probability:
         # A contact is cut by the recording, or by frames without points.
         begins = first > 0 and np.isfinite(probability[first - 1])
         ends = last < len(on) and np.isfinite(probability[last])
-        start, start_sd = -np.inf, np.nan
+        start, start_sd, end, end_sd = -np.inf, np.nan, np.inf, np.nan
         if begins:
-            start, start_sd = _change_time(
-                time_s, relative_m_s, _crossing(time_s, probability, first - 1), leaving=False
-            )
-        end, end_sd = np.inf, np.nan
+            guess = _crossing(time_s, probability, first - 1)
+            limit = max((each.start_s for each in other or [] if each.start_s < guess - _ROLL_S), default=-np.inf)
+            start, start_sd = _change_time(steps.between(limit, np.inf), guess, leaving=False)
         if ends:
-            end, end_sd = _change_time(time_s, relative_m_s, _crossing(time_s, probability, last - 1), leaving=True)
+            guess = _crossing(time_s, probability, last - 1)
+            limit = min((each.end_s for each in other or [] if each.end_s > guess + _ROLL_S), default=np.inf)
+            end, end_sd = _change_time(steps.between(-np.inf, limit), guess, leaving=True)
         if end > start:
             found.append(Interval(start, end, start_sd, end_sd))
     return found
@@ -67,20 +119,20 @@ def _crossing(time_s: np.ndarray, probability: np.ndarray, before: int) -> float
     return float(time_s[before] + (0.5 - low) / (high - low) * (time_s[before + 1] - time_s[before]))
 
 
-def _change_time(time_s: np.ndarray, relative_m_s: np.ndarray, guess_s: float, *, leaving: bool) -> tuple[float, float]:
+def _change_time(steps: _Steps, guess_s: float, *, leaving: bool) -> tuple[float, float]:
     """Return the time of a change near a guess, and its standard deviation; the guess where frames are missing."""
     sign = 1.0 if leaving else -1.0
-    after = sign * (time_s - guess_s)
-    near = (after > -_REST_S - _SEARCH_S) & (after < _MOVING_S + _SEARCH_S) & np.isfinite(relative_m_s[:, 0])
-    period = float(np.median(np.diff(time_s[near]))) if near.sum() > 1 else float(np.median(np.diff(time_s)))
-    if near.sum() < 6:
-        return guess_s, 2.0 * period
-    tau, velocity = after[near], relative_m_s[near]
+    before, after = _REST_S + _SEARCH_S, _MOVING_S + _SEARCH_S
+    near = steps.between(guess_s - (before if leaving else after), guess_s + (after if leaving else before))
+    if len(near.time_s) < _MIN_STEPS:
+        return guess_s, _UNKNOWN_SD_S
+    period = float(np.median(np.diff(near.time_s)))
+    tau, velocity = sign * (near.time_s - guess_s), near.velocity_m_s
     shifts = np.linspace(-_SEARCH_S, _SEARCH_S, _CANDIDATES)
     costs = np.array([_cost(tau - shift, velocity, leaving=leaving) for shift in shifts])
     best = int(costs.argmin())
     # The profile of the cost, in units of the residual variance, is the log-likelihood of the time.
-    freedom = max(1, 3 * int(near.sum()) - 7)
+    freedom = max(1, velocity.size - 7)
     log_likelihood = -0.5 * (costs - costs[best]) / max(costs[best] / freedom, 1e-6)
     weight = np.exp(log_likelihood)
     weight /= weight.sum()

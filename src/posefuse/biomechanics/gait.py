@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
-from posefuse.biomechanics.contact import Contact, estimate_contact, velocities
-from posefuse.biomechanics.contact_times import Interval, contact_intervals
+from posefuse.biomechanics.contact import Contact, estimate_contact
+from posefuse.biomechanics.contact_times import Interval, foot_intervals
 from posefuse.biomechanics.cycles import Cycle, gait_cycles
-from posefuse.biomechanics.foot_paths import PARTS, SIDES, FootPaths
+from posefuse.biomechanics.foot_paths import SIDES, FootPaths
 from posefuse.biomechanics.gait_events import GaitEvent, gait_events
 from posefuse.biomechanics.gait_parameters import GaitParameter, gait_parameters, summary
 from posefuse.biomechanics.repetitions import Repetition, find_repetitions
@@ -40,9 +40,8 @@ class Gait:
 def analyze_person(paths: FootPaths) -> Gait:
     """Analyze one person's contacts, gait and repetitions."""
     contact = estimate_contact(paths)
-    relative = velocities(paths.time_s, paths.feet_m) - np.array([*contact.ground_m_s, 0.0])
     intervals = [
-        [contact_intervals(paths.time_s, relative[:, s, p], contact.probability[:, s, p]) for p in range(len(PARTS))]
+        foot_intervals(paths.time_s, paths.feet_m[:, s], contact.ground_m_s, contact.probability[:, s])
         for s in range(len(SIDES))
     ]
     contact = _with_times(contact, paths.time_s, intervals)

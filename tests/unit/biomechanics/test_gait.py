@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from posefuse.biomechanics.contact_times import contact_intervals
+from posefuse.biomechanics.contact_times import foot_intervals
 from posefuse.biomechanics.foot_paths import FootPaths, foot_paths, has_feet, level_axes
 from posefuse.biomechanics.gait import analyze_person
 from posefuse.biomechanics.gait_parameters import mean_of
@@ -104,8 +104,9 @@ class TestContact:
 
     def test_intervals_are_found_between_frames(self):
         time_s = np.arange(0.0, 1.0, 1.0 / 60.0)
-        velocity = np.where(time_s[:, None] < 0.507, [[2.0, 0.0, -0.4]], [[0.0, 0.0, 0.0]])
-        (span,) = contact_intervals(time_s, velocity, (time_s > 0.53).astype(float))
+        points = np.minimum(time_s - 0.507, 0.0)[:, None, None] * np.array([2.0, 0.0, -0.4])
+        probability = np.repeat((time_s[:, None] > 0.53).astype(float), 2, axis=1)
+        (span,) = foot_intervals(time_s, np.repeat(points, 2, axis=1), np.zeros(2), probability)[0]
         assert span.start_s == pytest.approx(0.507, abs=0.01)
         assert span.end_s == np.inf
 
