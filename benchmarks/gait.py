@@ -137,16 +137,17 @@ def _parameter_errors(case: Case, gait: Gait) -> tuple[float, float]:
     lengths, times = [], []
     for i, strike in enumerate(strikes[1:], start=1):
         before = strikes[i - 1]
-        if before.bout != strike.bout or before.side == strike.side:
+        if before.bout != strike.bout or before.side == strike.side or not (before.agreed and strike.agreed):
             continue
         times.append(_stance(case.motion.feet[strike.side], strike.time_s)[1] - _stance(
             case.motion.feet[before.side], before.time_s)[1])  # fmt: skip
         if i > 1 and strikes[i - 2].side == strike.side and strikes[i - 2].bout == strike.bout:
             places = [_stance(case.motion.feet[each.side], each.time_s)[0] for each in (strikes[i - 2], before, strike)]
             along = places[2] - places[0]
-            lengths.append(float((places[2] - places[1]) @ along) / float(np.linalg.norm(along)))
-    true_cadence = float(np.mean([60.0 / each if each > 0 else np.nan for each in times]))
-    return step.value - float(np.mean(lengths)), cadence.value / true_cadence - 1.0
+            size = float(np.linalg.norm(along))
+            lengths.append(float((places[2] - places[1]) @ along) / size if size > 0 else np.nan)
+    true_cadence = float(np.nanmean([60.0 / each if each > 0 else np.nan for each in times]))
+    return step.value - float(np.nanmean(lengths)), cadence.value / true_cadence - 1.0
 
 
 def _stance(foot: Stances, time_s: float) -> tuple[np.ndarray, float]:

@@ -52,6 +52,11 @@ class GaitEvent:
     bout: int
     closing: bool = False
 
+    @property
+    def agreed(self) -> bool:
+        """Whether both methods found the event."""
+        return self.confidence > 0.5
+
 
 def gait_events(paths: FootPaths, contacts: list[list[list[Interval]]]) -> list[GaitEvent]:
     """Return the heel strikes and toe-offs of all bouts in the order of time.
@@ -211,11 +216,12 @@ def _in_bout(event: GaitEvent, bout: int) -> GaitEvent:
 
 
 def strides_of(events: list[GaitEvent]) -> list[tuple[GaitEvent, GaitEvent]]:
-    """Return pairs of consecutive heel strikes of the same foot in a bout."""
+    """Return pairs of consecutive heel strikes of the same foot in a bout that both methods found."""
     found = []
     for side in (0, 1):
         strikes = [
             event for event in events if event.kind == "heel_strike" and event.side == side and not event.closing
         ]
-        found += [(a, b) for a, b in pairwise(strikes) if a.bout == b.bout and b.time_s - a.time_s < 2 * _STEP_S[1]]
+        pairs = [(a, b) for a, b in pairwise(strikes) if a.bout == b.bout and b.time_s - a.time_s < 2 * _STEP_S[1]]
+        found += [(a, b) for a, b in pairs if a.agreed and b.agreed]
     return sorted(found, key=lambda pair: pair[0].time_s)

@@ -50,7 +50,7 @@ def gait_parameters(paths: FootPaths, events: list[GaitEvent], ground_m_s: np.nd
     for first, last in strides_of(events):
         steps.add_stride(first, last)
     for before, strike in pairwise(steps.strikes):
-        if before.bout == strike.bout and before.side != strike.side:
+        if before.bout == strike.bout and before.side != strike.side and before.agreed and strike.agreed:
             steps.add_step(before, strike)
     return _summaries(steps.values)
 
