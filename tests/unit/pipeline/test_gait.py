@@ -58,7 +58,7 @@ def test_contact_is_in_the_file(folder, result):
     assert contact.shape == (result.n_frames, 1, 2, 2)
     truth = walk(WalkPlan()).contact(np.asarray(result.time_s))
     assert ((contact[:, 0] > 0.5) == truth).mean() > 0.9
-    assert netcdf.read_reconstruction(folder / "reconstruction.nc") == result
+    assert netcdf.read_reconstruction(folder / "reconstruction.nc").layers["measured"] == result.layers["measured"]
 
 
 def test_standing_writes_no_tables(tmp_path):
