@@ -179,7 +179,7 @@ def solve_frame(model, state, frame, prior, coordinates, work):
             done = cost - new < 1e-6 * cost and largest < 1e-3
             cost, damping = new, max(0.1 * damping, 1e-9)
             if done:
-                break
+                return cost
         else:
             for i in range(n):
                 coordinates[i] -= work.step[i]
