@@ -29,7 +29,7 @@ def read_joint_angles(path: Path) -> AngleSeries:
     in_degrees, header = _header(path)
     columns, values = _table(path, header)
     if "time" not in columns:
-        raise FileError(f"{path} has no column `time` after endheader. Its columns: {', '.join(columns)[:200]}.")
+        raise FileError(f"{path} has no column time after endheader. Its columns: {', '.join(columns)[:200]}.")
     names = [_coordinate(column) for column in columns]
     wanted = [c for c, name in enumerate(names) if name and name != "time" and not name.endswith(TRANSLATIONS)]
     if not wanted:
@@ -68,7 +68,7 @@ def _header(path: Path) -> tuple[bool, int]:
                 in_degrees = text.endswith("yes")
             if number >= _MAX_HEADER_LINES:
                 break
-    raise FileError(f"{path} has no line `endheader` and is no table of OpenSim. Export the motion as .mot or .sto.")
+    raise FileError(f"{path} has no line endheader and is no table of OpenSim. Export the motion as .mot or .sto.")
 
 
 def _coordinate(column: str) -> str:

@@ -58,7 +58,7 @@ def _of_other(result: Reconstruction, model: MarkerModel, path: Path) -> tuple[P
             f"{result.skeleton.name!r}. Detect both with the same skeleton."
         )
     if other.rig.up is None:
-        raise OptionsError(f"subject.static: the up axis of {path} is unknown. Reconstruct it with `--up`.")
+        raise OptionsError(f"subject.static: the up axis of {path} is unknown. Set `up` when reconstructing it.")
     single = len(result.person_ids) == 1 and len(other.person_ids) == 1
     pairs = {p: (0 if single else other.person_ids.index(name))
              for p, name in enumerate(result.person_ids) if single or name in other.person_ids}  # fmt: skip

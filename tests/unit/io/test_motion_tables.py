@@ -36,11 +36,11 @@ def test_radians_and_paths_of_states_are_converted(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("time\tknee_angle_r\n0\t1\n", "no line `endheader`"),
+        ("time\tknee_angle_r\n0\t1\n", "no line endheader"),
         (HEADER.format("yes"), "no rows"),
         (HEADER.format("yes") + "time knee_angle_r\n0 one\n", "expected numbers"),
         (HEADER.format("yes") + "time knee_angle_r\n0 1 2\n", "expected 2 numbers per row"),
-        (HEADER.format("yes") + "frame knee_angle_r\n0 1\n", "no column `time`"),
+        (HEADER.format("yes") + "frame knee_angle_r\n0 1\n", "no column time"),
         (HEADER.format("yes") + "time pelvis_tx\n0 1\n", "no joint angles"),
     ],
 )

@@ -22,6 +22,7 @@ from posefuse.pipeline.distributed import (
     prepare_distributed,
     reconstruct_distributed,
 )
+from posefuse.pipeline.joint_angles import with_joint_angles
 from posefuse.pipeline.left_out_views import with_layer_scores
 from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.progress import Silent
@@ -41,7 +42,9 @@ def distributed(scene, options: Options, folder: Path, window_s: float, run: Run
     runner = PieceRunner(CheckpointFolder(folder, "key"), Workers(run, window_s))
     plan = prepare_distributed(scene.rig, scene.detections, options, runner, Silent())
     plan = with_layer_scores(check_recording(plan))
-    return concatenate_ranges(reconstruct_distributed(plan, runner, Silent()), plan.detections.n_frames)
+    return with_joint_angles(
+        concatenate_ranges(reconstruct_distributed(plan, runner, Silent()), plan.detections.n_frames)
+    )
 
 
 def simulate_people(seconds: float, people: int, seed: int, **more) -> CrowdScene:
