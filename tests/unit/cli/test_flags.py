@@ -36,7 +36,8 @@ OTHER_TEXT = {
 OTHER_ARGUMENTS = {
     "accept_findings", "also", "angle", "board", "calibration", "detect.crop", "detector",
     "detector_python", "device", "figure",
-    "format", "images", "input", "intrinsics", "jobs", "keypoints", "max_time_shift_s", "output", "overwrite", "path", "python",
+    "format", "images", "input", "intrinsics", "jobs", "keypoints", "max_time_shift_s", "output",
+    "overwrite", "path", "python",
     "recording", "reference", "save", "scene_points", "scheduler", "sync", "timestamps", "video", "videos",
     "weights",
 }  # fmt: skip
