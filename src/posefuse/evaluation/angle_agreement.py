@@ -127,7 +127,7 @@ def compare_angles(result: AngleSeries, reference: AngleSeries, max_time_shift_s
     if np.isfinite(differences).sum(axis=0).max() < _MIN_COMMON:
         raise ResultError(
             f"{result.name} ({_span(result.time_s)}) and {reference.name} ({_span(reference.time_s)}) have fewer than "
-            f"{_MIN_COMMON} common frames. Both need one time axis, or a larger time shift to search."
+            f"{_MIN_COMMON} common frames in which both know an angle. Both need one time axis, or a larger time shift."
         )
     return AngleComparison(
         result.name,

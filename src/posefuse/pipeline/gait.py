@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.arguments import checked
-from posefuse.biomechanics.foot_paths import PARTS, SIDES, foot_paths, has_feet
+from posefuse.biomechanics.foot_paths import SIDES, foot_paths, has_feet
 from posefuse.biomechanics.gait import Gait, analyze_person
 from posefuse.biomechanics.gait_parameters import mean_of
+from posefuse.model.joint_angles import WITHIN_95
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.track_events import Event
@@ -97,7 +98,9 @@ class GaitResult:
             "percent": np.tile(np.arange(size), len(rows)),
         }
         columns |= {name: np.concatenate([getattr(each, name) for _, each in rows]) for name in ("mean", "sd", "n")}
-        columns["low95"], columns["high95"] = (columns["mean"] + sign * 1.96 * columns["sd"] for sign in (-1.0, 1.0))
+        columns["low95"], columns["high95"] = (
+            columns["mean"] + sign * WITHIN_95 * columns["sd"] for sign in (-1.0, 1.0)
+        )
         return {**columns, "layer": np.array([self.layer] * len(rows) * size, dtype=object)}
 
 
@@ -123,7 +126,6 @@ def analyze_gait(result: Reconstruction) -> GaitResult | None:
     assert result.rig.up is not None
     paths = foot_paths(result.windows(), layer, result.rig.up)
     people = {person: analyze_person(each) for person, each in zip(result.person_ids, paths, strict=True)}
-    assert all(gait.contact.probability.shape[1:] == (len(SIDES), len(PARTS)) for gait in people.values())
     return GaitResult(layer, people, np.asarray(result.frame_numbers), times)
 
 
