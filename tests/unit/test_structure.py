@@ -50,7 +50,6 @@ TESTED_ELSEWHERE = {
     ),
     "integration/test_existing_outputs.py": ("io/outputs.py",),
     "integration/test_opensim_command.py": (
-        "io/opensim/setup_file.py",
         "io/opensim/tools.py",
         "io/opensim/worker.py",
         "pipeline/opensim.py",

@@ -1,6 +1,7 @@
-"""Read tables of OpenSim over time: ``.mot`` and ``.sto`` (OpenSim, "Storage files")."""
+"""Read and write tables of OpenSim over time: ``.mot`` and ``.sto`` (OpenSim, "Storage files")."""
 
 import math
+from collections.abc import Sequence
 from itertools import islice
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.evaluation.angle_agreement import TRANSLATIONS, AngleSeries
+from posefuse.io.files import replacing
 
 SUFFIXES = (".mot", ".sto")
 _MAX_HEADER_LINES = 200
@@ -54,6 +56,31 @@ def _table(path: Path, header: int) -> tuple[list[str], np.ndarray]:
     if values.shape[1] != len(columns):
         raise FileError(f"{path}: expected {len(columns)} numbers per row, one per column, got {values.shape[1]}.")
     return columns, values
+
+
+def write_coordinates(
+    path: Path, time_s: np.ndarray, names: Sequence[str], values: np.ndarray, remarks: Sequence[str] = ()
+) -> None:
+    """Write coordinates over time as a ``.mot`` file.
+
+    Args:
+        path: the file.
+        time_s: shape (frame,).
+        names: names of the coordinates.
+        values: shape (frame, coordinate), in degrees or m.
+        remarks: further lines of the header, such as ``layer=solved``.
+
+    Raises:
+        FileError: if the file cannot be written.
+    """
+    header = [
+        "Coordinates", "version=1", f"nRows={len(time_s)}", f"nColumns={len(names) + 1}", "inDegrees=yes", *remarks,
+        "endheader", "\t".join(["time", *names]),
+    ]  # fmt: skip
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
+        file.write("\n".join(header) + "\n")
+        for second, row in zip(time_s, values, strict=True):
+            file.write("\t".join([f"{second:.6f}", *(f"{value:.6f}" for value in row)]) + "\n")
 
 
 def _header(path: Path) -> tuple[bool, int]:

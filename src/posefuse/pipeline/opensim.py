@@ -13,10 +13,10 @@ from posefuse.biomechanics.marker_model import marker_model
 from posefuse.errors import ResultError
 from posefuse.evaluation.angle_agreement import AngleComparison, AngleSeries, compare_angles
 from posefuse.io.files import replacing_folder
-from posefuse.io.motion_tables import read_joint_angles
+from posefuse.io.motion_tables import read_joint_angles, write_coordinates
 from posefuse.io.opensim.library import require_opensim
 from posefuse.io.opensim.model_file import write_model
-from posefuse.io.opensim.setup_file import InverseKinematicsSetup, reference_name, write_coordinates, write_setup
+from posefuse.io.opensim.setup_file import InverseKinematicsSetup, reference_name, write_setup
 from posefuse.io.opensim.tools import UserModel, open_model, run_inverse_kinematics, scale_model, weights_of
 from posefuse.io.outputs import check_new_folder
 from posefuse.io.results import trc

@@ -1,12 +1,9 @@
-"""Write the setup of OpenSim's inverse kinematics tool, and the coordinates that points do not determine."""
+"""Write the setup of OpenSim's inverse kinematics tool."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from posefuse.io.files import replacing
 from posefuse.io.opensim.documents import add, add_objects, document, write_document
 
 _ACCURACY = 1e-6
@@ -63,19 +60,3 @@ def write_setup(setup: InverseKinematicsSetup, path: Path) -> None:
 def reference_name(stem: str) -> str:
     """Return the name of the file of reference coordinates."""
     return f"{stem}_reference.mot"
-
-
-def write_coordinates(path: Path, time_s: np.ndarray, names: Sequence[str], degrees: np.ndarray) -> None:
-    """Write angles over time, shape (frame, coordinate), as OpenSim's motion file.
-
-    Raises:
-        FileError: if the file cannot be written.
-    """
-    header = [
-        "Coordinates", "version=1", f"nRows={len(time_s)}", f"nColumns={len(names) + 1}", "inDegrees=yes", "endheader",
-        "\t".join(["time", *names]),
-    ]  # fmt: skip
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
-        file.write("\n".join(header) + "\n")
-        for second, row in zip(time_s, degrees, strict=True):
-            file.write("\t".join([f"{second:.6f}", *(f"{value:.6f}" for value in row)]) + "\n")

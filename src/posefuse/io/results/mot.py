@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from posefuse.biomechanics.person_frames import model_world
 from posefuse.errors import ResultError
-from posefuse.io.files import replacing
+from posefuse.io.motion_tables import write_coordinates
 from posefuse.io.results.axes import y_up_from_world
 from posefuse.io.results.format import ResultFormat
 from posefuse.io.results.timing import export_rate, regular_rows
@@ -53,14 +53,8 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> 
     values = np.full((n_rows, len(names)), np.nan)
     values[rows] = np.stack([table[name] for name in names], axis=1) if names else np.empty((len(rows), 0))
     start = float(result.time_s[0]) if np.isfinite(result.time_s[0]) else float(result.frame_numbers[0]) / rate
-    header = [
-        "Coordinates", "version=1", f"nRows={n_rows}", f"nColumns={len(names) + 1}", "inDegrees=yes",
-        f"layer={angles.layer}", "endheader", "\t".join(["time", *names]),
-    ]  # fmt: skip
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
-        file.write("\n".join(header) + "\n")
-        for row, cells in enumerate(values):
-            file.write("\t".join([f"{start + row / rate:.6f}", *(f"{cell:.6f}" for cell in cells)]) + "\n")
+    time_s = start + np.arange(n_rows) / rate
+    write_coordinates(path, time_s, names, values, [f"layer={angles.layer}"])
 
 
 def _coordinates(result: Reconstruction, angles: JointAngles, person: int) -> dict[str, np.ndarray]:
