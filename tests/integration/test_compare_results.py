@@ -101,3 +101,30 @@ def test_points_and_angles_are_not_mixed(run, results, tmp_path):
     code, _, warned = run("evaluate", results / "consensus", reference, results / "midpoint")
     assert code == 2
     assert "cannot be compared in one call" in " ".join(warned.split())
+
+
+@pytest.mark.parametrize(
+    "flags",
+    [
+        ("--layer", "measured"),
+        ("--states", "active"),
+        ("--length-unit", "mm"),
+        ("--gate-m", 0.2),
+        ("--entry-s", 1.0),
+        ("--head-rule", "campus"),
+    ],
+)
+def test_angles_refuse_flags_of_points(run, results, tmp_path, flags):
+    target = tmp_path / "angles.json"
+    code, output, warned = run(
+        "evaluate", results / "midpoint", motion(tmp_path / "walk.mot"), *flags, "--json", target
+    )
+    assert (code, output) == (2, "")
+    assert f"{flags[0]}: no effect here" in " ".join(warned.split())
+    assert not target.exists()
+
+
+def test_points_refuse_the_flag_of_angles(run, results):
+    code, output, warned = run("evaluate", results / "consensus", results / "midpoint", "--max-time-shift-s", 0.3)
+    assert (code, output) == (2, "")
+    assert "--max-time-shift-s: no effect here" in " ".join(warned.split())

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -12,6 +12,7 @@ from cyclopts import Parameter
 from posefuse.cli.console import count, note, percent, say, table, warn
 from posefuse.cli.evaluate_angles import evaluate_angles
 from posefuse.cli.types import Overwrite, PointsUnit
+from posefuse.errors import OptionsError, choices
 from posefuse.evaluation.accuracy import Accuracy
 from posefuse.evaluation.head_points import HeadRule
 from posefuse.evaluation.other_world import OtherWorld, is_scaled
@@ -108,7 +109,11 @@ def evaluate(
     from posefuse.io.results.comparable import read_comparable
     from posefuse.pipeline.evaluate_files import evaluate_files
 
-    if any(is_motion_table(file) for file in truth):
+    angles = any(is_motion_table(file) for file in truth)
+    refuse_arguments_without_effect(
+        angles, length_unit=length_unit, layer=layer, states=states, scoring=scoring, max_time_shift_s=max_time_shift_s
+    )
+    if angles:
         evaluate_angles(result, truth, max_time_shift_s, numbers.json_file, overwrite=numbers.overwrite)
         return
     opened = read_comparable(must_exist(result, "result"), length_unit)
@@ -138,6 +143,35 @@ def evaluate(
     else:
         show_people(scores, reconstruction.has_identities)
     note(f"Wrote {target}")
+
+
+def refuse_arguments_without_effect(
+    angles: bool,
+    *,
+    length_unit: str | None,
+    layer: str | None,
+    states: Sequence[str],
+    scoring: ScoringFlags,
+    max_time_shift_s: float,
+) -> None:
+    """Raise :class:`OptionsError` if the command has arguments that this kind of comparison does not use."""
+    if angles:
+        default = ScoringFlags()
+        given = {
+            "--length-unit": length_unit is not None,
+            "--layer": layer is not None,
+            "--states": bool(states),
+            "--head-rule": scoring.head_rule != default.head_rule,
+            "--entry-s": scoring.entry_s != default.entry_s,
+            "--gate-m": scoring.gate_m != default.gate_m,
+        }
+        reason = "joint angles (.mot, .sto) are compared with the .mot files of the result, which have one layer"
+    else:
+        given = {"--max-time-shift-s": max_time_shift_s != 0.0}
+        reason = "only joint angles (.mot, .sto) are searched for a time shift"
+    unused = [flag for flag, is_given in given.items() if is_given]
+    if unused:
+        raise OptionsError(f"{choices(unused)}: no effect here; {reason}. Leave the argument out.")
 
 
 def without_identities(value: object) -> object:
