@@ -17,6 +17,8 @@ from posefuse.biomechanics.marker_model import MarkerModel, marker_model
 from posefuse.io.motion_tables import read_joint_angles
 from posefuse.io.opensim.model_file import write_model
 from posefuse.io.results.axes import y_up_from_world
+from posefuse.model.options.options import Options
+from posefuse.model.options.subject import SubjectOptions
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.skeleton.skeletons import shipped_skeleton
 from tests.figures import model_layer
@@ -57,7 +59,7 @@ def walking(model: MarkerModel, heading_deg: float = 70.0) -> np.ndarray:
     return q
 
 
-def recorded(path: Path, size: float = 1.05) -> Reconstruction:
+def recorded(path: Path, size: float = 1.05, static: str | None = None) -> Reconstruction:
     """Write a result of a walking person whose points are the model's markers."""
     model, rig = model_of("halpe_26"), ring(3)
     scales = size * model.anatomy.unscaled()
@@ -71,6 +73,7 @@ def recorded(path: Path, size: float = 1.05) -> Reconstruction:
     result = Reconstruction(
         rig=rig, skeleton=shipped_skeleton("halpe_26"), person_ids=("anna",), frame_numbers=np.arange(FRAMES),
         time_s=np.arange(FRAMES) / RATE_HZ, layers={"solved": layer}, rate_hz=RATE_HZ,
+        options=Options(subject=SubjectOptions(static=static)),
     )  # fmt: skip
     path.mkdir()
     posefuse.write(result, path / "reconstruction.nc")
@@ -107,6 +110,27 @@ def test_a_walk_is_scaled_solved_and_compared(run, folder):
             # The person is estimated too: sizes and places of points deviate within their priors.
             assert np.abs(error - np.median(error)).max() < 2.0, angle
             assert float(rows_of(folder / "out")[angle]["rmse_deg"]) < 3.0
+
+
+@needs_opensim
+def test_several_results_use_their_own_static_trials(run, tmp_path):
+    with_trial = recorded(tmp_path / "with_trial", static="0:4")
+    recorded(tmp_path / "without")
+    code, _, warned = run("opensim", tmp_path / "with_trial", tmp_path / "without", "-o", tmp_path / "out")
+    assert (code, warned) == (0, "")
+    found = {name: read_joint_angles(tmp_path / "out" / f"{name}_anna.mot") for name in ("with_trial", "without")}
+    change = np.abs(found["with_trial"].degrees - found["without"].degrees).max(axis=0)
+    assert change[found["without"].angles.index("hip_flexion_r")] > 0.1
+    assert with_trial.options.subject.static == "0:4"
+
+
+def test_a_static_trial_that_is_gone_is_named_before_any_file_is_written(run, tmp_path):
+    pytest.importorskip("opensim", reason="the package opensim is not installed")
+    recorded(tmp_path / "walk", static="gone.nc")
+    code, _, warned = run("opensim", tmp_path / "walk", "-o", tmp_path / "out")
+    assert code == 2
+    assert "gone.nc" in warned
+    assert not (tmp_path / "out").exists()
 
 
 @needs_opensim

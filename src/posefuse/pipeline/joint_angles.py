@@ -9,13 +9,11 @@ from posefuse.arrays import ranges
 from posefuse.biomechanics.angle_definitions import AngleSet, angle_set, angles_of
 from posefuse.biomechanics.inverse_kinematics import PersonPoints, Solution, person_points, solve
 from posefuse.biomechanics.marker_model import MarkerModel, marker_model
-from posefuse.biomechanics.person_frames import model_world, upright_direction
-from posefuse.biomechanics.subject_fit import SubjectFit, fit_subject, systematic_covariance
-from posefuse.biomechanics.subject_samples import CandidateFrames, samples_of
+from posefuse.biomechanics.subject_fit import SubjectFit, systematic_covariance
 from posefuse.biomechanics.tables import keypoint_angles
 from posefuse.model.joint_angles import KEYPOINTS, AngleStatus, JointAngles
 from posefuse.model.reconstruction import Layer, Reconstruction
-from posefuse.pipeline.static_trial import static_frames
+from posefuse.pipeline.subjects import Subjects, fit_subjects, frame_rate
 
 _WINDOW = 512
 """Number of frames estimated at a time, whatever the chunks of the result: no window depends on another."""
@@ -67,8 +65,7 @@ class _People:
         angles: the angles to compute.
         layer_name: name of the layer.
         layer: its points.
-        fits: one per person.
-        verticals: shape (person, 3, 3): rotations to axes with y up.
+        subjects: the people.
         has_vertical: whether the vertical of the world is known.
         knot_step: frames between computations of the uncertainty due to a person's parameters.
     """
@@ -76,8 +73,7 @@ class _People:
     angles: AngleSet
     layer_name: str
     layer: Layer
-    fits: tuple[SubjectFit, ...]
-    verticals: np.ndarray
+    subjects: Subjects
     has_vertical: bool
     knot_step: int
 
@@ -85,28 +81,10 @@ class _People:
     def of(cls, result: Reconstruction, model: MarkerModel) -> "_People":
         """Estimate the people of a result."""
         name, layer = result.best_layer(result.options.layer)
-        rate_hz = frame_rate(result)
-        candidates = [CandidateFrames(result.n_frames) for _ in result.person_ids]
-        for start, stop in ranges(result.n_frames, _WINDOW):
-            points, covariance = np.asarray(layer.points_m[start:stop]), np.asarray(layer.covariance_m2[start:stop])
-            for p, frames in enumerate(candidates):
-                frames.add(start, points[:, p], covariance[:, p])
-        up = result.rig.up
-        verticals = np.array(
-            [
-                model_world(
-                    np.array(up) if up is not None else upright_direction(*each.names_and_points(result.skeleton))
-                )
-                for each in candidates
-            ]
-        )
-        static = static_frames(result, model, layer, verticals)
-        fits = tuple(
-            fit_subject(model, samples_of(model, each, vertical, rate_hz, standing))
-            for each, vertical, standing in zip(candidates, verticals, static, strict=True)
-        )
-        step = max(1, round(_KNOT_S * rate_hz))
-        return cls(angle_set(model), name, layer, fits, verticals, up is not None, step)
+        subjects = fit_subjects(result, model, layer)
+        step = max(1, round(_KNOT_S * frame_rate(result)))
+        has_vertical = result.rig.up is not None
+        return cls(angle_set(model), name, layer, subjects, has_vertical, step)
 
     def window(self, start: int, stop: int) -> JointAngles:
         """Return the angles of a range of frames."""
@@ -114,7 +92,7 @@ class _People:
             np.asarray(self.layer.points_m[start:stop]),
             np.asarray(self.layer.covariance_m2[start:stop]),
         )
-        each = [self._person(p, points[:, p], covariance[:, p]) for p in range(len(self.fits))]
+        each = [self._person(p, points[:, p], covariance[:, p]) for p in range(len(self.subjects.fits))]
         degrees, sds, status, pelvis = (np.stack(arrays, axis=1) for arrays in zip(*each, strict=True))
         return JointAngles(
             self.angles.names, self.angles.conventions, self.layer_name,
@@ -123,8 +101,8 @@ class _People:
 
     def _person(self, p: int, points_m: np.ndarray, covariance_m2: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return degrees, standard deviations, statuses and pelvis positions of one person."""
-        fit = self.fits[p]
-        person = person_points(fit.model, points_m, covariance_m2, self.verticals[p])
+        fit = self.subjects.fits[p]
+        person = person_points(fit.model, points_m, covariance_m2, self.subjects.verticals[p])
         solution = solve(fit.model, person, fit.prior)
         whole = replace(solution, covariance=solution.covariance + self._systematic(fit, person, solution))
         at = [fit.model.anatomy.coordinate_index(f"pelvis_t{axis}") for axis in "xyz"]
@@ -143,15 +121,6 @@ class _People:
         low = np.minimum(place.astype(int), max(len(knots) - 2, 0))
         share = (place - low)[:, None, None]
         return (1.0 - share) * values[low] + share * values[np.minimum(low + 1, len(knots) - 1)]
-
-
-def frame_rate(result: Reconstruction) -> float:
-    """Return the frame rate of a result, or 30 Hz if it is unknown."""
-    if result.rate_hz:
-        return result.rate_hz
-    steps = np.diff(result.time_s)
-    median = float(np.median(steps[np.isfinite(steps)])) if np.isfinite(steps).any() else 0.0
-    return 1.0 / median if median > 0.0 else 30.0
 
 
 def _generic(part: Reconstruction, names: tuple[str, ...], degrees: np.ndarray, sds: np.ndarray) -> JointAngles:

@@ -24,8 +24,9 @@ from posefuse.io.results.names import safe_names
 from posefuse.io.results.open_result import open_result
 from posefuse.io.results.timing import export_rate, regular_rows
 from posefuse.model.options.options import LayerName
-from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.pipeline.opensim_person import OpenSimPerson, opensim_person
+from posefuse.pipeline.subjects import Subjects, fit_subjects
 from posefuse.progress import Progress, Silent
 
 COMPARISON_FILE = "angles_comparison.csv"
@@ -82,6 +83,7 @@ def opensim_results(
         What was found for every person with enough points, and notes in sentences.
 
     Raises:
+        OptionsError: if the static trial of a result cannot be used.
         FileError: if a result or the model does not exist or cannot be read.
         OutputExistsError: if the output exists and is not to be replaced.
         ResultError: if OpenSim is not installed or fails, a result has no human skeleton, no up axis or no constant
@@ -95,15 +97,18 @@ def opensim_results(
         _require(name, result)
     outcomes: list[OpenSimOutcome] = []
     notes: list[str] = []
-    jobs = [(name, result, index) for name, result in trials for index in range(len(result.person_ids))]
-    stems = safe_names([_stem(name, result.person_ids[i], len(trials)) for name, result, i in jobs])
+    # Static trials are read before any file is written.
+    fitted = [_Trial.of(name, result, layer) for name, result in trials]
+    jobs = [(trial, index) for trial in fitted for index in range(len(trial.result.person_ids))]
+    stems = safe_names([_stem(trial.name, trial.result.person_ids[i], len(trials)) for trial, i in jobs])
     reports = progress or Silent()
     reports.start("opensim", len(jobs))
     with replacing_folder(output, COMPARISON_FILE, _OWNED) as staging:
-        for (name, result, index), stem in zip(jobs, stems, strict=True):
-            outcome = _person(name, result, index, staging / stem, (users_model, layer))
+        for (trial, index), stem in zip(jobs, stems, strict=True):
+            outcome = _person(trial, index, staging / stem, users_model)
             if outcome is None:
-                notes.append(f"{name}: {result.person_ids[index]} has no frame with enough points; no files.")
+                person = trial.result.person_ids[index]
+                notes.append(f"{trial.name}: {person} has no frame with enough points; no files.")
             else:
                 outcomes.append(outcome)
             reports.advance(1)
@@ -112,6 +117,33 @@ def opensim_results(
             raise ResultError("No person has a frame with enough points, so there is nothing for OpenSim.")
         _write_comparison(outcomes, staging / COMPARISON_FILE)
     return tuple(outcomes), tuple(notes)
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """A result, and its people as its joint angles have them.
+
+    Attributes:
+        name: name of the result.
+        result: the result.
+        layer_name: name of the layer.
+        layer: its points.
+        subjects: the people, estimated from the layer and from the static trial that the result's options name.
+    """
+
+    name: str
+    result: Reconstruction
+    layer_name: LayerName
+    layer: Layer
+    subjects: Subjects
+
+    @classmethod
+    def of(cls, name: str, result: Reconstruction, wanted: LayerName | None) -> "_Trial":
+        """Estimate the people of a result."""
+        layer_name, layer = result.best_layer(wanted or result.options.layer)
+        unscaled = marker_model(result.skeleton)
+        assert unscaled is not None
+        return cls(name, result, layer_name, layer, fit_subjects(result, unscaled, layer))
 
 
 def _trials(results: Sequence[Path]) -> list[tuple[str, Reconstruction]]:
@@ -146,15 +178,10 @@ def _require(name: str, result: Reconstruction) -> None:
     export_rate(result, "TRC")
 
 
-def _person(
-    trial: str, result: Reconstruction, index: int, stem: Path, choice: tuple[UserModel | None, LayerName | None]
-) -> OpenSimOutcome | None:
+def _person(trial: _Trial, index: int, stem: Path, source: UserModel | None) -> OpenSimOutcome | None:
     """Write the files of one person, or return None if no frame has enough points."""
-    source, wanted = choice
-    name, layer = result.best_layer(wanted or result.options.layer)
-    rate, unscaled = export_rate(result, "TRC"), marker_model(result.skeleton)
-    assert unscaled is not None
-    person = opensim_person(result, layer, index, unscaled, rate)
+    result = trial.result
+    person = opensim_person(result, trial.layer, index, trial.subjects)
     if person is None:
         return None
     model_path = stem.with_name(f"{stem.name}.osim")
@@ -163,9 +190,9 @@ def _person(
         write_model(person.scaled, model_path)
     else:
         markers, free = scale_model(source, person.scaled, model_path), source.free_coordinates
-    only = replace(result, layers={name: layer}, tracks=None, swaps=None, poses=None)
-    trc.write(only, result.person_ids[index], stem.with_name(f"{stem.name}.trc"), name)
-    seconds = _seconds(result, rate)
+    only = replace(result, layers={trial.layer_name: trial.layer}, tracks=None, swaps=None, poses=None)
+    trc.write(only, result.person_ids[index], stem.with_name(f"{stem.name}.trc"), trial.layer_name)
+    seconds = _seconds(result, export_rate(result, "TRC"))
     followed = tuple(name for name in person.followed if name in free)
     weights = weights_of({name: sd for name, sd in person.marker_sd_m.items() if name in markers})
     known = np.flatnonzero(np.isfinite(person.degrees).all(axis=1))
@@ -179,7 +206,7 @@ def _person(
     found = _level(read_joint_angles(stem.with_name(f"{stem.name}.mot")))
     comparison = compare_angles(found, _level(_series(person, seconds)))
     return OpenSimOutcome(
-        trial, result.person_ids[index], len(found.time_s), rms, comparison, person.points_sd_deg, followed
+        trial.name, result.person_ids[index], len(found.time_s), rms, comparison, person.points_sd_deg, followed
     )
 
 

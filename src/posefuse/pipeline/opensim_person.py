@@ -9,12 +9,11 @@ from posefuse.arrays import ranges
 from posefuse.biomechanics.anatomy.scaled import ScaledAnatomy
 from posefuse.biomechanics.inverse_kinematics import MODEL_SD_M, person_points, solve
 from posefuse.biomechanics.marker_model import MarkerModel
-from posefuse.biomechanics.person_frames import model_world
-from posefuse.biomechanics.subject_fit import SubjectFit, fit_subject
-from posefuse.biomechanics.subject_samples import CandidateFrames, samples_of
+from posefuse.biomechanics.subject_fit import SubjectFit
 from posefuse.io.results.axes import y_up_from_world
 from posefuse.model.detections import CHUNK_FRAMES
 from posefuse.model.reconstruction import Layer, Reconstruction
+from posefuse.pipeline.subjects import Subjects
 
 _WINDOW = 512
 _OPEN_SD = np.radians(6.0)
@@ -51,27 +50,20 @@ class OpenSimPerson:
         return dict.fromkeys(self.followed, weight)
 
 
-def opensim_person(
-    result: Reconstruction, layer: Layer, index: int, model: MarkerModel, rate_hz: float
-) -> OpenSimPerson | None:
-    """Estimate a person of a result, or return None if no frame has enough points.
+def opensim_person(result: Reconstruction, layer: Layer, index: int, subjects: Subjects) -> OpenSimPerson | None:
+    """Return a person of a result, or return None if no frame has enough points.
 
     Args:
         result: a result with a known up axis.
         layer: its layer.
         index: index of the person.
-        model: unscaled model of the skeleton.
-        rate_hz: frame rate.
+        subjects: the people of the result, estimated from this layer.
     """
-    vertical = model_world(np.array(result.rig.up))
-    candidates = CandidateFrames(result.n_frames)
+    fit, vertical = subjects.fits[index], subjects.verticals[index]
     sds: list[np.ndarray] = []
     for start, stop in ranges(result.n_frames, CHUNK_FRAMES):
-        points = np.asarray(layer.points_m[start:stop])[:, index]
         covariance = np.asarray(layer.covariance_m2[start:stop])[:, index]
-        candidates.add(start, points, covariance)
-        sds.append(np.sqrt(covariance[:, model.columns][..., _VARIANCES].mean(axis=-1)))
-    fit = fit_subject(model, samples_of(model, candidates, vertical, rate_hz, None))
+        sds.append(np.sqrt(covariance[:, fit.model.columns][..., _VARIANCES].mean(axis=-1)))
     radians = np.concatenate(
         [_coordinates(fit, *_window(layer, index, *each), vertical) for each in ranges(result.n_frames, _WINDOW)]
     )
@@ -85,7 +77,7 @@ def opensim_person(
     return OpenSimPerson(
         _scaled(result.person_ids[index], fit, radians[sample[0]], result.options.subject.mass_kg),
         np.where(fit.model.anatomy.is_translation, radians, np.degrees(radians)),
-        _marker_sds(model, np.concatenate(sds)),
+        _marker_sds(fit.model, np.concatenate(sds)),
         *_open_coordinates(fit, layer, index, sample, vertical),
     )
 
