@@ -16,6 +16,8 @@ from posefuse.kernels.biomechanics.inverse_kinematics import Prior, parameter_eq
 
 _MOST_STEPS = 12
 _TOLERANCE = 2e-4
+_LONGEST_STEP = 0.3
+"""Largest change of a parameter per step. Steps toward a body of a different order of size would overflow."""
 _SIDE_CORRELATION = 0.7
 """Correlation of the deviations of a left keypoint and its mirror image."""
 _MIRROR = np.array([1.0, 1.0, -1.0])
@@ -82,6 +84,7 @@ def fit_subject(model: MarkerModel, samples: tuple[Sample, ...]) -> SubjectFit:
         for sample in samples:
             _add_sample(fit, basis, sample, hessian, gradient)
         step = np.linalg.solve(hessian, -gradient)
+        step *= _LONGEST_STEP / max(np.abs(step).max(), _LONGEST_STEP)
         parameters = parameters + step
         fit = _with(model, basis, parameters)
         if np.abs(step).max() < _TOLERANCE:

@@ -1,5 +1,7 @@
 """The parameters of a person are estimated, and their covariance and that of coordinates are those of the errors."""
 
+from dataclasses import replace
+
 import numpy as np
 from benchmarks.replayed_angles import person
 
@@ -57,6 +59,15 @@ def test_a_static_trial_determines_the_zero_of_the_ankle():
         sds.append(np.sqrt(systematic_covariance(fit, moving, solution)[0, c, c]))
     assert sds[1] < 0.92 * sds[0]
     assert upright_prior(0.5).precision[c, c] > upright_prior().precision[c, c]
+
+
+def test_points_in_a_wrong_unit_give_finite_sizes():
+    points = points_of(MODEL, gait(MODEL, 60), 0.004).rows(np.arange(0, 60, 8))
+    for factor in (1e-3, 1e3):
+        scaled = replace(points, points_m=factor * points.points_m, information=points.information / factor**2)
+        fit = fit_subject(MODEL, (moving_sample(scaled, 1.0),))
+        assert np.isfinite(fit.model.scales).all()
+        assert np.isfinite(fit.factor).all()
 
 
 def test_without_frames_a_person_is_the_average():
