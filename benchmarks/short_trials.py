@@ -72,17 +72,7 @@ def _measured(data: Walk) -> MeasuredRange:
 
 
 def _solved(measured: MeasuredRange, priors: RecordingPriors) -> np.ndarray:
-    layer = solve(
-        measured.rig,
-        measured.detections,
-        measured.tracks,
-        measured.layer,
-        measured.swaps,
-        measured.noise,
-        priors,
-        _OPTIONS,
-    )
-    return np.asarray(layer.points_m)[:, 0]
+    return np.asarray(solve(measured, priors, _OPTIONS).points_m)[:, 0]
 
 
 def knee_angles_deg(points_m: np.ndarray) -> np.ndarray:

@@ -153,9 +153,10 @@ def solved(rig: CameraRig, detections: Detections) -> Layer:
     result = triangulate(rig, detections, Options())
     assert result.tracks is not None
     assert result.noise is not None
-    parts = (result.rig, detections, result.tracks, result.layers["measured"], result.swaps, result.noise)
-    laws = estimate_priors([MeasuredRange(*parts)], detections.skeleton, TrajectoryOptions())
-    return solve(*parts, laws, TrajectoryOptions())
+    layer = result.layers["measured"]
+    measured = MeasuredRange(result.rig, detections, result.tracks, layer, result.swaps, result.noise)
+    priors = estimate_priors([measured], detections.skeleton, TrajectoryOptions())
+    return solve(measured, priors, TrajectoryOptions())
 
 
 def timed(work: Callable[[CameraRig, Detections], Layer], data: Walk) -> Path3D:

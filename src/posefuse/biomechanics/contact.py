@@ -39,6 +39,21 @@ _MEDIAN_CHI = 1.538
 
 
 @dataclass(frozen=True, eq=False)
+class ContactModel:
+    """What contact looks like in one recording of one person.
+
+    Attributes:
+        ground_m_s: shape (2,): horizontal velocity of the ground; zero except on a treadmill.
+        levels: levels on which feet rest.
+        velocity_sd_m_s: spread of the velocity of a resting point, per axis.
+    """
+
+    ground_m_s: np.ndarray
+    levels: Levels
+    velocity_sd_m_s: float
+
+
+@dataclass(frozen=True, eq=False)
 class Contact:
     """Contact of one person's feet.
 
@@ -46,46 +61,55 @@ class Contact:
         probability: shape (frame, side, part): probability that the heel or the toes touch a level; NaN where the foot
             has no points.
         sliding: shape (frame, side): probability that the foot touches and slides.
-        ground_m_s: shape (2,): horizontal velocity of the ground; zero except on a treadmill.
-        levels: levels on which feet rest.
-        velocity_sd_m_s: spread of the velocity of a resting point, per axis.
+        model: ground, levels and spread.
     """
 
     probability: np.ndarray
     sliding: np.ndarray
-    ground_m_s: np.ndarray
-    levels: Levels
-    velocity_sd_m_s: float
+    model: ContactModel
 
 
-def estimate_contact(paths: FootPaths) -> Contact:
-    """Estimate contact by the forward-backward algorithm, in passes that refine levels and spreads."""
+def fit_contact_model(paths: FootPaths) -> ContactModel:
+    """Estimate ground, levels and spread in passes of the forward-backward algorithm."""
     velocity = velocities(paths.time_s, paths.feet_m)
     ground = ground_velocity(velocity, paths)
-    relative = velocity - np.array([*ground, 0.0])
-    transitions, which = _transitions(paths.time_s)
-    speed = np.linalg.norm(relative, axis=-1)
+    speed = np.linalg.norm(velocity - np.array([*ground, 0.0]), axis=-1)
     known = speed[np.isfinite(speed)]
     spread = float(np.clip(np.quantile(known, 0.2) if len(known) else 0.1, *_VELOCITY_SD_M_S))
-    weight = np.minimum(1.0, np.gradient(paths.time_s) / _INDEPENDENT_S)[:, None] if len(paths.time_s) > 1 else 1.0
-    levels, posterior = Levels.none(), np.zeros((0, 2, 5))
+    model = ContactModel(ground, Levels.none(), spread)
     for _ in range(_N_PASSES):
-        touching, airborne = _point_likelihoods(paths, relative, spread, levels)
-        posterior = np.stack(
-            [
-                _posterior(weight * _state_likelihoods(touching, airborne, relative, spread, side), transitions, which)
-                for side in (0, 1)
-            ],
-            axis=1,
-        )
+        posterior = _state_probabilities(paths, model)
         resting = _part_probability(posterior) - posterior[..., SLIDE, None]
-        levels = find_levels(paths, resting)
         on = np.isfinite(speed) & (resting > 0.5)
         if on.any():
             spread = float(np.clip(np.median(speed[on]) / _MEDIAN_CHI, *_VELOCITY_SD_M_S))
+        model = ContactModel(ground, find_levels(paths, resting), spread)
+    return model
+
+
+def estimate_contact(paths: FootPaths, model: ContactModel | None = None) -> Contact:
+    """Estimate contact by the forward-backward algorithm.
+
+    Args:
+        paths: paths of the person.
+        model: ground, levels and spread; by default estimated from the paths.
+    """
+    model = model or fit_contact_model(paths)
+    posterior = _state_probabilities(paths, model)
     seen = np.isfinite(paths.feet_m[..., 0])
     probability = np.where(seen.any(axis=2, keepdims=True), _part_probability(posterior), np.nan)
-    return Contact(probability, posterior[..., SLIDE], ground, levels, spread)
+    return Contact(probability, posterior[..., SLIDE], model)
+
+
+def _state_probabilities(paths: FootPaths, model: ContactModel) -> np.ndarray:
+    """Return the probabilities of the states of both feet, shape (frame, side, 5)."""
+    transitions, which = _transitions(paths.time_s)
+    weight = np.minimum(1.0, np.gradient(paths.time_s) / _INDEPENDENT_S)[:, None] if len(paths.time_s) > 1 else 1.0
+    relative = velocities(paths.time_s, paths.feet_m) - np.array([*model.ground_m_s, 0.0])
+    spread = model.velocity_sd_m_s
+    touching, airborne = _point_likelihoods(paths, relative, spread, model.levels)
+    likelihoods = (_state_likelihoods(touching, airborne, relative, spread, side) for side in (0, 1))
+    return np.stack([_posterior(weight * each, transitions, which) for each in likelihoods], axis=1)
 
 
 def velocities(time_s: np.ndarray, points_m: np.ndarray) -> np.ndarray:

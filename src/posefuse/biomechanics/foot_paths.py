@@ -47,7 +47,7 @@ class FootPaths:
 def has_feet(skeleton: Skeleton) -> bool:
     """Return whether a skeleton has hips, heels and toes on both sides."""
     return all(
-        f"{side}_hip" in skeleton.keypoints and f"{side}_heel" in skeleton.keypoints and _toes(skeleton, side)
+        f"{side}_hip" in skeleton.keypoints and all(part_keypoints(skeleton, side, part) for part in (HEEL, TOES))
         for side in SIDES
     )
 
@@ -76,30 +76,50 @@ def level_axes(up: np.ndarray) -> np.ndarray:
     return np.stack([first, np.cross(up, first), up])
 
 
-def _toes(skeleton: Skeleton, side: str) -> list[int]:
-    return [skeleton.index(f"{side}_{toe}") for toe in _TOES if f"{side}_{toe}" in skeleton.keypoints]
+def part_keypoints(skeleton: Skeleton, side: str, part: int) -> list[int]:
+    """Return the indices of the keypoints of the heel or of the toes of a foot."""
+    names = [f"{side}_{name}" for name in (("heel",) if part == HEEL else _TOES)]
+    return [skeleton.index(name) for name in names if name in skeleton.keypoints]
 
 
 def _of_range(part: Reconstruction, layer: LayerName, turn: np.ndarray) -> tuple[np.ndarray, ...]:
     """Return times, feet, standard deviations, hips and knees of a range of frames; people are the second axis."""
-    skeleton = part.skeleton
-    points = np.asarray(part.layers[layer].points_m[:]) @ turn.T
-    covariance = np.asarray(part.layers[layer].covariance_m2[:])
+    points = np.asarray(part.layers[layer].points_m[:])
+    covariance = unpack_covariance(np.asarray(part.layers[layer].covariance_m2[:]))
+    return part.time_s, *_of_points(points, covariance, part.skeleton, turn)
+
+
+def foot_paths_of_points(
+    time_s: np.ndarray, points_m: np.ndarray, covariance_m2: np.ndarray, skeleton: Skeleton, turn: np.ndarray
+) -> FootPaths:
+    """Return the paths of one person's feet.
+
+    Args:
+        time_s: shape (frame,).
+        points_m: shape (frame, keypoint, 3).
+        covariance_m2: shape (frame, keypoint, 3, 3).
+        skeleton: of the keypoints; it has feet.
+        turn: from :func:`level_axes`.
+    """
+    arrays = _of_points(points_m[:, None], covariance_m2[:, None], skeleton, turn)
+    return FootPaths(time_s, *(each[:, 0] for each in arrays))
+
+
+def _of_points(
+    points_m: np.ndarray, covariance_m2: np.ndarray, skeleton: Skeleton, turn: np.ndarray
+) -> tuple[np.ndarray, ...]:
+    """Return feet, standard deviations, hips and knees; the first axes are frame, person and keypoint."""
+    points = points_m @ turn.T
     feet, sds = [], []
     for side in SIDES:
-        for columns in ([skeleton.index(f"{side}_heel")], _toes(skeleton, side)):
+        for part in (HEEL, TOES):
+            columns = part_keypoints(skeleton, side, part)
             feet.append(points[:, :, columns].mean(axis=2))
-            own = turn @ unpack_covariance(covariance[:, :, columns]).mean(axis=2) @ turn.T
+            own = turn @ covariance_m2[:, :, columns].mean(axis=2) @ turn.T
             sds.append(np.sqrt(np.diagonal(own, axis1=-2, axis2=-1)))
     shape = (*points.shape[:2], 2, 2, 3)
     hips = points[:, :, [skeleton.index(f"{side}_hip") for side in SIDES]]
-    return (
-        part.time_s,
-        np.stack(feet, axis=2).reshape(shape),
-        np.stack(sds, axis=2).reshape(shape),
-        hips,
-        _knees(points, skeleton),
-    )
+    return np.stack(feet, axis=2).reshape(shape), np.stack(sds, axis=2).reshape(shape), hips, _knees(points, skeleton)
 
 
 def _knees(points_m: np.ndarray, skeleton: Skeleton) -> np.ndarray:

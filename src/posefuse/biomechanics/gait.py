@@ -1,11 +1,11 @@
 """Analyze the contacts, gait and repetitions of one person."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import ndtr
 
-from posefuse.biomechanics.contact import Contact, estimate_contact
+from posefuse.biomechanics.contact import Contact, ContactModel, estimate_contact
 from posefuse.biomechanics.contact_times import Interval, foot_intervals
 from posefuse.biomechanics.cycles import Cycle, gait_cycles
 from posefuse.biomechanics.foot_paths import SIDES, FootPaths
@@ -39,16 +39,26 @@ class Gait:
 
 def analyze_person(paths: FootPaths) -> Gait:
     """Analyze one person's contacts, gait and repetitions."""
-    contact = estimate_contact(paths)
-    intervals = [
-        foot_intervals(paths.time_s, paths.feet_m[:, s], contact.ground_m_s, contact.probability[:, s])
-        for s in range(len(SIDES))
-    ]
-    contact = _with_times(contact, paths.time_s, intervals)
+    contact, intervals = timed_contact(paths)
     events = gait_events(paths, intervals)
     repetitions = find_repetitions(paths, intervals, events)
-    parameters = gait_parameters(paths, events, contact.ground_m_s) + _repetition_parameters(repetitions)
-    return Gait(contact, intervals, events, repetitions, parameters, gait_cycles(paths, events, contact.levels))
+    parameters = gait_parameters(paths, events, contact.model.ground_m_s) + _repetition_parameters(repetitions)
+    return Gait(contact, intervals, events, repetitions, parameters, gait_cycles(paths, events, contact.model.levels))
+
+
+def timed_contact(paths: FootPaths, model: ContactModel | None = None) -> tuple[Contact, list[list[list[Interval]]]]:
+    """Return contact that changes between frames, and its intervals by side and part.
+
+    Args:
+        paths: paths of the person.
+        model: ground, levels and spread; by default estimated from the paths.
+    """
+    contact = estimate_contact(paths, model)
+    intervals = [
+        foot_intervals(paths.time_s, paths.feet_m[:, s], contact.model.ground_m_s, contact.probability[:, s])
+        for s in range(len(SIDES))
+    ]
+    return _with_times(contact, paths.time_s, intervals), intervals
 
 
 def _with_times(contact: Contact, time_s: np.ndarray, intervals: list[list[list[Interval]]]) -> Contact:
@@ -64,7 +74,7 @@ def _with_times(contact: Contact, time_s: np.ndarray, intervals: list[list[list[
                 near |= np.minimum(np.abs(time_s - span.start_s), np.abs(time_s - span.end_s)) < _EDGE_S
             known = np.isfinite(probability[:, s, p])
             probability[:, s, p] = np.where(near & known, inside, probability[:, s, p])
-    return Contact(probability, contact.sliding, contact.ground_m_s, contact.levels, contact.velocity_sd_m_s)
+    return replace(contact, probability=probability)
 
 
 def _repetition_parameters(repetitions: list[Repetition]) -> list[GaitParameter]:

@@ -366,11 +366,12 @@ def with_solver(plan: Plan) -> Plan:
         states = np.concatenate([np.asarray(plan.subjects.tracks(*piece).state) for piece in pieces])
         if states.shape[1]:
             spans = solved_layer.training_spans(states)
-            steps.append(
-                solved_layer.fit_trajectory(
-                    plan.rig, plan.detections, plan.noise, spans, partial(measure, plan), plan.options.trajectory
-                )
+            step = solved_layer.fit_trajectory(
+                plan.rig, plan.detections, plan.noise, spans, partial(measure, plan), plan.options.trajectory
             )
+            if plan.options.contact == "on":
+                step = solved_layer.with_contact(step, spans, partial(measure, plan))
+            steps.append(step)
     postprocess = plan.options.postprocess
     if not postprocess.does_nothing:
         bones = median_bones(sample_points(plan), plan.detections.skeleton) if postprocess.rigid_bones else None

@@ -16,13 +16,14 @@ from posefuse.model.options.options import Options
 from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.tracks import TrackState
+from posefuse.pipeline.foot_contact import FootContact, find_foot_contact
 from posefuse.pipeline.reprojection_errors import with_reprojection_errors
 from posefuse.postprocess.bones import Bones
 from posefuse.postprocess.points import Clock
 from posefuse.postprocess.steps import margin_s, postprocess
 from posefuse.preprocess.timeline import fill_missing_times
 from posefuse.trajectory import solve as trajectory
-from posefuse.trajectory.observations import MeasuredRange
+from posefuse.trajectory.observations import MeasuredRange, frame_times_s
 from posefuse.trajectory.priors import RecordingPriors, estimate_priors
 
 BLOCK_FRAMES = 1024
@@ -128,6 +129,7 @@ class Trajectory:
         noise: noise of the detections.
         priors: priors of motion, bones and errors, fitted to the recording.
         options: options of the solve.
+        contact: estimates which feet rest on the ground; None leaves contact out.
     """
 
     rig: CameraRig
@@ -135,6 +137,7 @@ class Trajectory:
     noise: NoiseModel
     priors: RecordingPriors
     options: TrajectoryOptions
+    contact: FootContact | None = None
 
     @property
     def margin_s(self) -> float:
@@ -146,9 +149,8 @@ class Trajectory:
         part = window.part
         assert part.tracks is not None
         detections = self.detections.frames(window.first, window.first + part.n_frames)
-        return trajectory.solve(
-            self.rig, detections, part.tracks, layer, part.swaps, self.noise, self.priors, self.options
-        )
+        measured = MeasuredRange(self.rig, detections, part.tracks, layer, part.swaps, self.noise)
+        return trajectory.solve(measured, self.priors, self.options, self.contact)
 
     def frames(self, start: int, stop: int) -> "Trajectory":
         """Return the same step for the frames ``start`` to ``stop`` as a recording of their own, in memory."""
@@ -189,6 +191,27 @@ def fit_trajectory(
         # The solve of a single range estimates its own roughness equally well.
         priors = trajectory.estimate_roughness(priors, measured(), options)
     return Trajectory(rig, detections, noise, priors, options)
+
+
+def with_contact(
+    step: Trajectory, spans: Sequence[tuple[int, int]], measure: Callable[[int, int], Reconstruction]
+) -> Trajectory:
+    """Return the solve with feet that rest on the ground, where a sample of the recording shows the ground.
+
+    Args:
+        step: solve without contact.
+        spans: ranges of frames that serve as the sample.
+        measure: measures a range of frames.
+    """
+
+    def solved() -> Iterator[tuple[np.ndarray, Layer]]:
+        for start, stop in spans:
+            part = measure(start, stop)
+            window = FrameWindow(part, start, start, stop)
+            times = frame_times_s(step.detections.frames(start, stop))
+            yield times, step.apply(window, part.layers["measured"])
+
+    return replace(step, contact=find_foot_contact(step.rig, step.detections.skeleton, solved()))
 
 
 def training_spans(states: np.ndarray) -> list[tuple[int, int]]:

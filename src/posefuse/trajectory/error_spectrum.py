@@ -70,6 +70,18 @@ class ErrorSpectrum:
         limit = single + _UNEVEN_MOTION * motion * usual
         return np.minimum(factor, limit / np.maximum(leverage, 1e-9))
 
+    def mean_factor(self, inflation: np.ndarray, leverage: np.ndarray) -> np.ndarray:
+        """Return the factor of the covariance of a point that is the mean of several frames, as that of a resting one.
+
+        Args:
+            inflation: variance of the white errors that the mean assumes, relative to the actual ones.
+            leverage: covariance of the mean relative to that of a point from one frame, both with inflated variances.
+        """
+        correlation = float(np.exp(-self.step_s / self.correlation_s)) if self.correlation_s > 0.0 else 0.0
+        frames = 1.0 / np.clip(leverage, 1e-6, 1.0)
+        lost = 2.0 * correlation * (1.0 - correlation**frames) / (frames * (1.0 - correlation) ** 2)
+        return self.level / inflation * ((1.0 + correlation) / (1.0 - correlation) - lost)
+
 
 def _power(correlation: float, angle: np.ndarray) -> np.ndarray:
     """Return the power of an autoregressive process of unit variance at frequencies in radians per frame."""

@@ -5,22 +5,15 @@ use, so that the density adapts to the motion before any view is rejected for la
 """
 
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.ndimage import binary_opening, uniform_filter1d
 
-from posefuse.kernels.trajectory.band import REACH, factor_paths, invert_paths
-from posefuse.kernels.trajectory.bone_terms import (
-    BoneTerms,
-    PathFactor,
-    add_bone_gradient,
-    add_to_diagonal,
-    bone_directions,
-    propagate_bone_information,
-    solve_with_bones,
-)
+from posefuse.kernels.trajectory.band import REACH
+from posefuse.kernels.trajectory.contact_terms import add_contact
 from posefuse.kernels.trajectory.observation_terms import (
     PathSystem,
     SmoothnessTerms,
@@ -30,9 +23,11 @@ from posefuse.kernels.trajectory.observation_terms import (
     weigh_observations,
 )
 from posefuse.model.options.trajectory import TrajectoryOptions
+from posefuse.trajectory.bone_system import bone_stiffness, solve_system
 from posefuse.trajectory.bones import Bones
 from posefuse.trajectory.error_level import ErrorLevel
 from posefuse.trajectory.error_spectrum import ErrorSpectrum
+from posefuse.trajectory.ground_contact import GroundContact
 from posefuse.trajectory.observations import PersonObservations
 from posefuse.trajectory.paths import Paths, PersonPriors
 from posefuse.trajectory.roughness import Roughness
@@ -40,12 +35,6 @@ from posefuse.trajectory.smoothness import Smoothness, alive_frames
 
 _RIDGE = 1e-5
 """Regularization as a fraction of the information of a frame; it fixes otherwise undetermined points."""
-
-
-_MAX_CG_ITERATIONS = 30
-
-
-_TOLERANCE = 1e-3
 
 
 _FIXED_WEIGHT_ROUNDS = 2
@@ -56,22 +45,12 @@ _MIN_AGREEING, _MIN_CONSECUTIVE = 3, 3
 """This many views that agree on a point, for this many consecutive frames, force the path to follow."""
 
 
+_CONTACT_ROUNDS = 2
+"""Number of rounds with ground contact, each with the contact that the paths before it show."""
+
+
 _PERSISTENT_LIMIT_FACTOR = 0.65
 """Factor for the rejection limits if errors are persistent, because errors of successive frames do not cancel."""
-
-
-_BONE_REACH = 3.0
-"""Distance, in standard deviations of length and views, at which a bone holds a quarter as tightly."""
-
-
-_MAX_RELATIVE_STIFFNESS = 10.0
-"""Upper bound of the stiffness of bones, relative to the information of the views along them. Stiffer bones would add
-hardly any information but slow down the solve.
-"""
-
-
-_BONE_CORRELATION_S = 0.05
-"""Correlation time of the length error of a bone, in seconds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,16 +62,27 @@ class PathSolver:
         smoothness: smoothness prior.
         bones: of the skeleton.
         options: of the solve.
+        contact: keypoints on the ground, or None.
     """
 
     observed: PersonObservations
     smoothness: Smoothness
     bones: Bones
     options: TrajectoryOptions
+    contact: GroundContact | None = None
 
-    def solve(self, person_priors: PersonPriors) -> Paths:
-        """Run all rounds and add the roughness of the motion to the covariance."""
+    def solve(
+        self, person_priors: PersonPriors, find_contact: Callable[[Paths], GroundContact | None] | None = None
+    ) -> Paths:
+        """Run all rounds and add the roughness of the motion to the covariance.
+
+        Args:
+            person_priors: of the person.
+            find_contact: returns the keypoints on the ground, given the paths that are solved without contact.
+        """
         paths = self.smooth(person_priors)
+        if find_contact is not None:
+            paths = self._with_contact(paths, person_priors, find_contact)
         if not self.can_estimate_roughness(person_priors):
             return paths
         rough = (
@@ -122,6 +112,19 @@ class PathSolver:
                 keep_weights=number < _FIXED_WEIGHT_ROUNDS,
                 min_agreeing=self._min_agreeing_views(person_priors),
             )
+        return paths
+
+    def _with_contact(
+        self, paths: Paths, person_priors: PersonPriors, find_contact: Callable[[Paths], GroundContact | None]
+    ) -> Paths:
+        """Run the rounds with ground contact."""
+        scale, min_agreeing = self.error_level.scale(person_priors), self._min_agreeing_views(person_priors)
+        for _ in range(_CONTACT_ROUNDS):
+            contact = find_contact(paths)
+            if contact is None:
+                break
+            solver = replace(self, contact=contact)
+            paths = solver.perform_round(paths, person_priors, scale, keep_weights=False, min_agreeing=min_agreeing)
         return paths
 
     def first_variance(self, paths: Paths, person_priors: PersonPriors) -> np.ndarray:
@@ -160,18 +163,18 @@ class PathSolver:
         weights = np.where(np.isfinite(residuals[..., 0]), weights, 0.0)
         alive = alive_frames(np.asarray(weights.any(axis=-1)), observed.time_s, options.max_gap_s)
         density = person_priors.density[:, None] * paths.density_factor
+        if self.contact is not None:
+            density = self.contact.density(density, self.smoothness, observed.time_s)
         stiffness = self.smoothness.stiffness(density, alive)
         inflation = np.ones(len(weights)) if person_priors.inflation is None else person_priors.inflation
         sigma = person_priors.spread * np.sqrt(inflation)[:, None, None] * observed.sigma_px * scale
         band, rhs, information = self._terms(residuals, jacobians, sigma, weights, stiffness, paths)
+        if self.contact is not None:
+            add_contact(self.contact.terms(observed.time_s), paths.paths_m, band, rhs)
         variance = typical_variance(information, weights)
-        steps, covariance = self._step(
-            paths.paths_m,
-            band,
-            rhs,
-            information,
-            self._bone_stiffness(paths.paths_m, person_priors, alive, variance),
-            person_priors.length_m,
+        stiffness_m2 = bone_stiffness(self.bones, paths.paths_m, person_priors, alive, variance, observed.step_s)
+        steps, covariance = solve_system(
+            self.bones, paths.paths_m, PathSystem(band, rhs, information), stiffness_m2, person_priors.length_m
         )
         moved = paths.paths_m + self._limit_steps(steps)
         squares, determined = np.empty(stiffness.shape), np.empty(stiffness.shape)
@@ -220,7 +223,12 @@ class PathSolver:
         before, after = (np.clip(np.arange(frames) - each, 0, rows - 1) for each in ((order + 1) // 2, order // 2))
         log_gain = np.nan_to_num(log_gain)
         log_gain = 0.5 * (log_gain[:, before] + log_gain[:, after])
-        factor = self.spectrum(person_priors).covariance_factor(inflation[:, None], log_gain, leverage)
+        spectrum = self.spectrum(person_priors)
+        factor = spectrum.covariance_factor(inflation[:, None], log_gain, leverage)
+        if self.contact is not None:
+            own = list(self.contact.keypoints)
+            resting = spectrum.mean_factor(inflation[own, None], leverage[own])
+            factor[own] += self.contact.resting * np.maximum(resting - factor[own], 0.0)
         return factor[..., None, None]
 
     def _persistent_covariance(
@@ -302,61 +310,6 @@ class PathSolver:
     def error_level(self) -> ErrorLevel:
         """Estimator of the error level of each view."""
         return ErrorLevel(self.observed)
-
-    def _bone_stiffness(
-        self, paths_m: np.ndarray, person_priors: PersonPriors, alive: np.ndarray, variance_m2: np.ndarray
-    ) -> np.ndarray:
-        """Return the stiffness of bones, shape (bone, frame): inverse variance of each length per independent frame.
-
-        A bone far from its length, relative to its own variation and the uncertainty of the views, is down-weighted
-        (Geman and McClure).
-        """
-        one, other = self.bones.ends.T
-        share = min(self.observed.step_s / (2.0 * _BONE_CORRELATION_S), 1.0)
-        seen_m2 = np.nan_to_num(variance_m2[one] + variance_m2[other], nan=np.inf)
-        give_m2 = np.square(person_priors.length_sd_m)
-        with np.errstate(divide="ignore"):
-            stiffness = np.minimum(share / give_m2, _MAX_RELATIVE_STIFFNESS / seen_m2)
-        length_error_m = np.linalg.norm(paths_m[one] - paths_m[other], axis=-1) - person_priors.length_m[:, None]
-        reach_m2 = _BONE_REACH**2 * (give_m2 + seen_m2)[:, None]
-        with np.errstate(invalid="ignore"):
-            weight = np.square(1.0 / (1.0 + np.nan_to_num(np.square(length_error_m) / reach_m2)))
-        return np.where(alive[one] & alive[other], stiffness[:, None] * weight, 0.0)
-
-    def _step(
-        self,
-        paths_m: np.ndarray,
-        band: np.ndarray,
-        rhs: np.ndarray,
-        information: np.ndarray,
-        stiffness: np.ndarray,
-        length_m: np.ndarray,
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the steps of the paths and the covariance within the band."""
-        ends, order = self.bones.ends, self.bones.order
-        keypoints, frames, _ = paths_m.shape
-        directions, length_error = np.empty((len(ends), frames, 3)), np.empty((len(ends), frames))
-        # A bone of unknown length has stiffness 0, but a NaN length would spread to all keypoints.
-        bone_directions(ends, np.nan_to_num(length_m), paths_m, directions, length_error)
-        bone_information = np.empty_like(information)
-        propagate_bone_information(
-            ends, order, directions, stiffness, information, bone_information, np.empty((len(order), 3, 3))
-        )
-        add_to_diagonal(bone_information, band)
-        add_bone_gradient(ends, directions, stiffness, length_error, rhs)
-        lower, inverse = np.empty((keypoints, frames, REACH, 3, 3)), np.empty((keypoints, frames, 3, 3))
-        factor_paths(band, lower, inverse, np.empty(keypoints))
-        steps, covariance = np.empty_like(rhs), np.empty_like(band)
-        solve_with_bones(
-            PathFactor(band, lower, inverse),
-            BoneTerms(ends, directions, stiffness, bone_information),
-            rhs,
-            _MAX_CG_ITERATIONS,
-            _TOLERANCE,
-            steps,
-        )
-        invert_paths(lower, inverse, covariance)
-        return steps, covariance
 
     @cached_property
     def max_step_m(self) -> float:

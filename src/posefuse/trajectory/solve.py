@@ -8,16 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from posefuse.model.cameras import CameraRig
-from posefuse.model.detections import Detections
-from posefuse.model.label_swaps import Swaps
-from posefuse.model.noise import NoiseModel
 from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import PointStatus, Source, ViewStatus, status_of_views
-from posefuse.model.tracks import Tracks, TrackState
+from posefuse.model.tracks import TrackState
 from posefuse.trajectory.ambiguity import find_ambiguous
 from posefuse.trajectory.bones import Bones
+from posefuse.trajectory.ground_contact import FindContact, GroundContact
 from posefuse.trajectory.observations import MeasuredRange, PersonObservations, swapped_pairs
 from posefuse.trajectory.path_solver import PathSolver
 from posefuse.trajectory.paths import Paths
@@ -33,38 +30,30 @@ _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
 def solve(
-    rig: CameraRig,
-    detections: Detections,
-    tracks: Tracks,
-    layer: Layer,
-    swaps: Swaps | None,
-    noise: NoiseModel,
+    measured_range: MeasuredRange,
     recording_priors: RecordingPriors,
     options: TrajectoryOptions,
+    find_contact: FindContact | None = None,
 ) -> Layer:
     """Solve the paths of all keypoints over a range of frames jointly.
 
     Args:
-        rig: the cameras, in the order of the views of the detections.
-        detections: in memory; for a range of a longer recording, extended by :func:`margin_s` on both sides.
-        tracks: assignment of detections to people, for the same frames.
-        layer: the measured layer of the same frames, by ``consensus``: the initial points.
-        swaps: views with swapped left and right labels, or None if labels are taken as correct.
-        noise: noise model of the detections.
+        measured_range: the frames, measured by ``consensus``; for a range of a longer recording, extended by
+            :func:`margin_s` on both sides.
         recording_priors: of the recording.
         options: of the solve.
+        find_contact: estimates which keypoints rest on the ground; None leaves contact out.
 
     Returns:
         The solved layer; its source is ``trajectory``, or ``filled`` where no view observes a point.
     """
-    measured_range = MeasuredRange(rig, detections, tracks, layer, swaps, noise)
-    bones = Bones.of(detections.skeleton)
+    bones = Bones.of(measured_range.detections.skeleton)
     people = [
-        _solve_person(measured_range, person, bones, recording_priors, options)
-        for person in range(tracks.detection.shape[1])
+        _solve_person(measured_range, person, bones, recording_priors, options, find_contact)
+        for person in range(measured_range.tracks.detection.shape[1])
     ]
     if not people:
-        return layer
+        return measured_range.layer
     return Layer(*(np.stack(arrays, axis=1) for arrays in zip(*people, strict=True)))
 
 
@@ -104,6 +93,7 @@ def _solve_person(
     bones: Bones,
     recording_priors: RecordingPriors,
     options: TrajectoryOptions,
+    find_contact: FindContact | None,
 ) -> tuple[np.ndarray, ...]:
     """Return the layer arrays of one person, without the person axis."""
     absent = np.asarray(measured_range.tracks.state[:])[:, person] == TrackState.ABSENT
@@ -112,7 +102,13 @@ def _solve_person(
         return _unsolved(measured_range, person)
     observed = PersonObservations.of(measured_range, person)
     solver = PathSolver(observed, Smoothness.of(options.prior, observed.time_s), bones, options)
-    paths = solver.solve(person_priors)
+
+    def contact_of(paths: Paths) -> GroundContact | None:
+        assert find_contact is not None
+        points_m = np.where(paths.alive[..., None] & ~absent[:, None], paths.paths_m, np.nan)
+        return find_contact(person, observed.time_s, points_m, paths.covariance_m2)
+
+    paths = solver.solve(person_priors, contact_of if find_contact else None)
     before = np.asarray(measured_range.layer.status)[:, person].T
     status = point_statuses(paths, before, options.max_sd_share * recording_priors.size_m[person])
     residuals, jacobians = observed.linear(paths.paths_m)

@@ -79,7 +79,7 @@ class TestContact:
 
     def test_stairs_have_levels(self):
         _, _, gait = analyzed("upstairs")
-        assert np.diff(gait.contact.levels.heights_m) == pytest.approx(0.17, abs=0.01)
+        assert np.diff(gait.contact.model.levels.heights_m) == pytest.approx(0.17, abs=0.01)
 
     def test_a_raised_foot_does_not_touch(self):
         paths = paths_of(stand(6.0), 6.0)
@@ -99,8 +99,8 @@ class TestContact:
 
     def test_a_treadmill_moves(self):
         _, _, gait = analyzed("treadmill")
-        assert gait.contact.ground_m_s == pytest.approx([-1.3, 0.0], abs=0.03)
-        assert not analyzed("walk")[2].contact.ground_m_s.any()
+        assert gait.contact.model.ground_m_s == pytest.approx([-1.3, 0.0], abs=0.03)
+        assert not analyzed("walk")[2].contact.model.ground_m_s.any()
 
     def test_intervals_are_found_between_frames(self):
         time_s = np.arange(0.0, 1.0, 1.0 / 60.0)

@@ -86,16 +86,7 @@ def solved(
     """Return its solved layer."""
     options = options or TrajectoryOptions()
     recording_priors = recording_priors or estimate_priors([measurements], measurements.detections.skeleton, options)
-    return solve(
-        measurements.rig,
-        measurements.detections,
-        measurements.tracks,
-        measurements.layer,
-        measurements.swaps,
-        measurements.noise,
-        recording_priors,
-        options,
-    )
+    return solve(measurements, recording_priors, options)
 
 
 def errors_m(layer: Layer, points_m: np.ndarray) -> np.ndarray:

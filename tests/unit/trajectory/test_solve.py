@@ -14,9 +14,10 @@ from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.model.reconstruction import Layer, unpack_covariance
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.skeleton.skeletons import Skeleton
+from posefuse.trajectory.bone_system import _BONE_CORRELATION_S, _MAX_RELATIVE_STIFFNESS
 from posefuse.trajectory.bones import Bones
 from posefuse.trajectory.observations import MeasuredRange, PersonObservations
-from posefuse.trajectory.path_solver import _BONE_CORRELATION_S, _MAX_RELATIVE_STIFFNESS, PathSolver
+from posefuse.trajectory.path_solver import PathSolver
 from posefuse.trajectory.paths import CONSTANT_LEVEL_STRENGTH
 from posefuse.trajectory.priors import RecordingPriors, estimate_priors, margin_s
 from posefuse.trajectory.smoothness import Smoothness
