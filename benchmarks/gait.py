@@ -2,7 +2,8 @@
 
 ``python -m benchmarks.gait`` reconstructs 40 walks of several speeds, statures, limps and turns, overground and on a
 treadmill, from five cameras with the errors of a current detector (``rtmpose``, an assumption), or with those measured
-on OpenPose (``--noise measured``), and 20 recordings without gait.
+on OpenPose (``--noise measured``), stairs, and 20 recordings without gait. ``--contact off`` leaves contact out of the
+solve.
 """
 
 import argparse
@@ -12,8 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from posefuse.biomechanics.foot_paths import foot_paths
 from posefuse.biomechanics.gait import Gait
 from posefuse.biomechanics.gait_parameters import mean_of
+from posefuse.model.options.options import Options, Switch
 from posefuse.pipeline.gait import analyze_gait
 from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.synthetic.gait_motions import GaitMotion, Stances
@@ -22,7 +25,7 @@ from posefuse.synthetic.gait_scenes import GaitSceneOptions, simulate_gait
 from posefuse.synthetic.options import DetectorOptions, NoiseLaw
 
 RATE_HZ = 60.0
-N_WALKS, N_OTHERS = 40, 20
+N_WALKS, N_OTHERS, N_STAIRS = 40, 20, 6
 LAWS: dict[str, DetectorOptions] = {
     "rtmpose": DetectorOptions("rtmpose", outlier_share=0.005, miss_share=0.01, swap_share=0.0015),
     "measured": DetectorOptions("measured"),
@@ -60,6 +63,8 @@ class Score:
         extra: number of events that are none.
         step_m: error of the mean step length, NaN without steps.
         cadence: relative error of the cadence.
+        stance_m_s: speeds of points that rest.
+        landing: largest vertical speed in the 0.07 s before a point touches, relative to the truth.
     """
 
     contact: tuple[int, int, int]
@@ -68,6 +73,8 @@ class Score:
     extra: int
     step_m: float
     cadence: float
+    stance_m_s: np.ndarray
+    landing: np.ndarray
 
 
 def walks(n: int, law: NoiseLaw) -> Iterator[Case]:
@@ -101,16 +108,51 @@ def others(n: int, law: NoiseLaw) -> Iterator[Case]:
         yield Case(name, motions[name], 6.0, GaitSceneOptions(1.6 + 0.02 * i, seed=100 + i, detector=LAWS[law]))
 
 
-def analyze(case: Case) -> Gait:
-    """Reconstruct a recording and analyze its person."""
+def stairs(n: int, law: NoiseLaw) -> Iterator[Case]:
+    """Yield walks up and down stairs, toes first."""
+    for i in range(n):
+        rng = np.random.default_rng(300 + i)
+        rise = 0.17 if i % 2 == 0 else -0.17
+        plan = WalkPlan(float(rng.uniform(0.4, 0.6)), float(rng.uniform(1.2, 1.5)), strides=4, stair_m=rise)
+        options = GaitSceneOptions(float(rng.uniform(1.5, 1.95)), rate_hz=RATE_HZ, seed=300 + i, detector=LAWS[law])
+        yield Case("stairs", walk(plan), plan.duration_s, options, plan)
+
+
+def run(case: Case, contact: Switch = "on") -> Score:
+    """Reconstruct a recording, analyze its person, and compare both with the truth."""
     scene = simulate_gait(case.motion, case.duration_s, case.options)
-    result = analyze_gait(reconstruct(scene.rig, scene.detections))
-    assert result is not None
-    return result.people[next(iter(result.people))]
+    result = reconstruct(scene.rig, scene.detections, Options(contact=contact, layer="solved"))
+    gait = analyze_gait(result)
+    assert gait is not None
+    feet = [
+        foot_paths([each], layer, (0.0, 0.0, 1.0))[0].feet_m
+        for each, layer in ((result, "solved"), (scene.truth, "measured"))
+    ]
+    return score(case, gait.people[next(iter(gait.people))], *feet)
 
 
-def score(case: Case, gait: Gait) -> Score:
-    """Compare the analysis with the known contacts."""
+def _foot_speeds(case: Case, feet_m: np.ndarray, true_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the speeds of resting points, and the vertical speeds before they touch relative to the truth."""
+    contact = case.motion.contact(np.arange(len(true_m)) / RATE_HZ)
+    speed, true_speed = (np.linalg.norm(each[2:] - each[:-2], axis=-1) * RATE_HZ / 2.0 for each in (feet_m, true_m))
+    rests = contact[1:-1] & contact[2:] & contact[:-2] & (true_speed < 0.005)
+    ratios = []
+    for f, side, part in np.argwhere(~contact[:-1] & contact[1:]):
+        if 6 < f < len(contact) - 6:
+            found, true = (np.abs(np.diff(each[f - 4 : f + 1, side, part, 2])).max() for each in (feet_m, true_m))
+            ratios.append(found / true)
+    return speed[rests], np.array(ratios)
+
+
+def score(case: Case, gait: Gait, feet_m: np.ndarray, true_m: np.ndarray) -> Score:
+    """Compare the analysis with the known contacts.
+
+    Args:
+        case: the recording.
+        gait: analysis of its person.
+        feet_m: paths of the feet, shape (frame, side, part, 3).
+        true_m: true paths.
+    """
     time_s = np.arange(round(case.duration_s * RATE_HZ)) / RATE_HZ
     true, found = case.motion.contact(time_s), gait.contact.probability > 0.5
     counts = tuple(int(each.sum()) for each in (found & true, found & ~true, ~found & true))
@@ -124,7 +166,8 @@ def score(case: Case, gait: Gait) -> Score:
     if case.plan is None:
         extra = len(gait.events)
     step_m, cadence = _parameter_errors(case, gait)
-    return Score(counts, np.array(strikes), np.array(offs), extra, step_m, cadence)  # type: ignore[arg-type]
+    stance_m_s, landing = _foot_speeds(case, feet_m, true_m)
+    return Score(counts, np.array(strikes), np.array(offs), extra, step_m, cadence, stance_m_s, landing)  # type: ignore[arg-type]
 
 
 def _parameter_errors(case: Case, gait: Gait) -> tuple[float, float]:
@@ -156,10 +199,20 @@ def _stance(foot: Stances, time_s: float) -> tuple[np.ndarray, float]:
     return foot.place_m[i, :2], float(foot.start_s[i])
 
 
+def contact_line(scores: list[Score]) -> str:
+    """Return a line with the figures of contact."""
+    hits, false, missed = (sum(each.contact[i] for each in scores) for i in range(3))
+    stance = np.concatenate([each.stance_m_s for each in scores])
+    landing = np.concatenate([each.landing for each in scores])
+    text = f"contact F1 {2 * hits / (2 * hits + false + missed):.3f}"
+    if len(stance):
+        text += f", resting feet {100 * np.nanmedian(stance):.1f} cm/s, 95 % below {100 * np.nanquantile(stance, 0.95):.1f}"
+    return text + (f", landing speed {100 * np.nanmedian(landing):.0f} % of the truth" if len(landing) else "")
+
+
 def summarize(scores: list[Score]) -> list[str]:
     """Return lines with the figures of walks."""
-    hits, false, missed = (sum(each.contact[i] for each in scores) for i in range(3))
-    lines = [f"contact F1 {2 * hits / (2 * hits + false + missed):.3f}"]
+    lines = [contact_line(scores)]
     for name, errors in (("heel strike", "strikes_s"), ("toe-off", "offs_s")):
         frames = np.concatenate([getattr(each, errors) for each in scores]) * RATE_HZ
         within = " / ".join(f"{100 * np.mean(np.abs(frames) <= k):.0f}" for k in (1, 2, 3))
@@ -180,21 +233,19 @@ def main() -> None:
     parser.add_argument("--noise", choices=tuple(LAWS), default="rtmpose")
     parser.add_argument("--walks", type=int, default=N_WALKS)
     parser.add_argument("--others", type=int, default=N_OTHERS)
+    parser.add_argument("--stairs", type=int, default=N_STAIRS)
+    parser.add_argument("--contact", choices=("on", "off"), default="on")
     given = parser.parse_args()
-    scores = [score(case, analyze(case)) for case in walks(given.walks, given.noise)]
-    still = []
-    for case in others(given.others, given.noise):
-        gait = analyze(case)
-        still.append((case.name, score(case, gait), len(gait.repetitions)))
-    lines = [f"{given.noise}, {len(scores)} walks", *summarize(scores)]
-    lines.append(f"recordings without gait: {len(still)}, with gait events: {sum(s.extra > 0 for _, s, _ in still)}")
-    for name in dict.fromkeys(name for name, _, _ in still):
-        own = [(each, n) for other, each, n in still if other == name]
-        hits, false, missed = (sum(each.contact[i] for each, _ in own) for i in range(3))
-        lines.append(
-            f"  {name}: contact F1 {2 * hits / (2 * hits + false + missed):.3f}, repetitions "
-            f"{sum(n for _, n in own)} in {len(own)}"
-        )
+    lines = []
+    for cases in (walks(given.walks, given.noise), stairs(given.stairs, given.noise)):
+        scores = [(case.name, run(case, given.contact)) for case in cases]
+        names = ", ".join(dict.fromkeys(name for name, _ in scores))
+        lines += [f"{given.noise}, contact {given.contact}: {len(scores)} recordings ({names})"]
+        lines += summarize([each for _, each in scores]) if scores else []
+    still = [(case.name, run(case, given.contact)) for case in others(given.others, given.noise)]
+    lines.append(f"recordings without gait: {len(still)}, with gait events: {sum(s.extra > 0 for _, s in still)}")
+    for name in dict.fromkeys(name for name, _ in still):
+        lines.append(f"  {name}: {contact_line([each for other, each in still if other == name])}")
     sys.stdout.write("\n".join(lines) + "\n")
 
 

@@ -14,6 +14,12 @@ _SEARCH_S = 0.10
 _CANDIDATES = 41
 _ROLL_S = 0.03
 """Time by which one part of a foot touches or leaves after the other if the foot rolls."""
+_LATER_S = 0.06
+"""Usual time from the touch of the first part to that of the second."""
+_TILTED_M = 0.015
+"""Height of one part of a foot above the other, relative to the resting foot, from which the foot lands tilted."""
+_TILT_S = (-0.05, 0.0), (0.12, 0.25)
+"""Intervals before and after landing whose tilts are compared."""
 _LONGEST_STEP_S = 0.25
 _MIN_STEPS = 6
 _UNKNOWN_SD_S = 0.03
@@ -77,12 +83,48 @@ def foot_intervals(
         probability: shape (frame, part): probability of contact, NaN where unknown, which interrupts contact.
     """
     steps = [_Steps.of(time_s, points_m[:, part], ground_m_s) for part in (0, 1)]
+    apart_m = points_m[:, 0, 2] - points_m[:, 1, 2]
     alone = [_intervals(time_s, steps[part], probability[:, part]) for part in (0, 1)]
-    return [_intervals(time_s, steps[part], probability[:, part], alone[1 - part]) for part in (0, 1)]
+    return [
+        _intervals(time_s, steps[part], probability[:, part], _OtherPart(alone[1 - part], time_s, sign * apart_m))
+        for part, sign in ((0, 1.0), (1, -1.0))
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class _OtherPart:
+    """The other part of a foot, whose changes of contact limit the fits of a point.
+
+    Attributes:
+        intervals: its contact.
+        time_s: shape (frame,).
+        above_m: shape (frame,): height of the point above the other part.
+    """
+
+    intervals: list[Interval]
+    time_s: np.ndarray
+    above_m: np.ndarray
+
+    def start_before(self, guess_s: float) -> float:
+        """Return the touch of the other part that precedes one of the point, or minus infinity."""
+        latest = guess_s + (_ROLL_S if self._lands_second(guess_s) else -_ROLL_S)
+        return max((each.start_s for each in self.intervals if each.start_s < latest), default=-np.inf)
+
+    def end_after(self, guess_s: float) -> float:
+        """Return the time at which the other part leaves after the point, or infinity."""
+        return min((each.end_s for each in self.intervals if each.end_s > guess_s + _ROLL_S), default=np.inf)
+
+    def _lands_second(self, guess_s: float) -> bool:
+        """Return whether the point is higher than in the resting foot when the foot lands."""
+        heights = []
+        for first, last in _TILT_S:
+            near = self.above_m[slice(*np.searchsorted(self.time_s, [guess_s + first, guess_s + last]))]
+            heights.append(float(np.median(near[np.isfinite(near)])) if np.isfinite(near).any() else np.nan)
+        return heights[0] - heights[1] > _TILTED_M
 
 
 def _intervals(
-    time_s: np.ndarray, steps: _Steps, probability: np.ndarray, other: list[Interval] | None = None
+    time_s: np.ndarray, steps: _Steps, probability: np.ndarray, other: _OtherPart | None = None
 ) -> list[Interval]:
     """Return the intervals in which contact of a point is more probable than not.
 
@@ -90,7 +132,7 @@ def _intervals(
         time_s: shape (frame,).
         steps: velocities of the point relative to the ground.
         probability: shape (frame,): probability of contact, NaN where unknown, which interrupts contact.
-        other: intervals of the other part of the foot, whose changes limit the fits.
+        other: the other part of the foot.
     """
     on = np.nan_to_num(probability) > 0.5
     edges = np.flatnonzero(np.diff(on.astype(np.int8), prepend=0, append=0))
@@ -102,11 +144,11 @@ def _intervals(
         start, start_sd, end, end_sd = -np.inf, np.nan, np.inf, np.nan
         if begins:
             guess = _crossing(time_s, probability, first - 1)
-            limit = max((each.start_s for each in other or [] if each.start_s < guess - _ROLL_S), default=-np.inf)
-            start, start_sd = _change_time(steps.between(limit, np.inf), guess, leaving=False)
+            limit = -np.inf if other is None else other.start_before(guess)
+            start, start_sd = _change_time(steps.between(limit, np.inf), max(guess, limit + _LATER_S), leaving=False)
         if ends:
             guess = _crossing(time_s, probability, last - 1)
-            limit = min((each.end_s for each in other or [] if each.end_s > guess + _ROLL_S), default=np.inf)
+            limit = np.inf if other is None else other.end_after(guess)
             end, end_sd = _change_time(steps.between(-np.inf, limit), guess, leaving=True)
         if end > start:
             found.append(Interval(start, end, start_sd, end_sd))
