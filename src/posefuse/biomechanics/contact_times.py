@@ -23,7 +23,7 @@ _TILT_S = (-0.05, 0.0), (0.12, 0.25)
 _LONGEST_STEP_S = 0.25
 _MIN_STEPS = 6
 _UNKNOWN_SD_S = 0.03
-_PERIOD_DOUBT = 0.5
+PERIOD_DOUBT = 0.5 / np.sqrt(3.0)
 """Standard deviation of an exact time in frame periods, from the discrete frames."""
 
 
@@ -172,15 +172,23 @@ def _change_time(steps: _Steps, guess_s: float, *, leaving: bool) -> tuple[float
     tau, velocity = sign * (near.time_s - guess_s), near.velocity_m_s
     shifts = np.linspace(-_SEARCH_S, _SEARCH_S, _CANDIDATES)
     costs = np.array([_cost(tau - shift, velocity, leaving=leaving) for shift in shifts])
-    best = int(costs.argmin())
-    # The profile of the cost, in units of the residual variance, is the log-likelihood of the time.
-    freedom = max(1, velocity.size - 7)
-    log_likelihood = -0.5 * (costs - costs[best]) / max(costs[best] / freedom, 1e-6)
-    weight = np.exp(log_likelihood)
+    mean, sd = weighted_minimum(shifts, costs, max(1, velocity.size - 7))
+    return guess_s + sign * mean, float(np.hypot(sd, PERIOD_DOUBT * period))
+
+
+def weighted_minimum(values: np.ndarray, costs: np.ndarray, freedom: int) -> tuple[float, float]:
+    """Return the mean and the standard deviation of a parameter whose log-likelihood is a profile of costs.
+
+    Args:
+        values: shape (candidate,).
+        costs: shape (candidate,): sums of squared residuals, whose smallest one shows the variance.
+        freedom: number of residuals minus that of the parameters.
+    """
+    best = float(costs.min())
+    weight = np.exp(-0.5 * (costs - best) / max(best / freedom, 1e-6))
     weight /= weight.sum()
-    mean = float(weight @ shifts)
-    sd = float(np.sqrt(weight @ np.square(shifts - mean)))
-    return guess_s + sign * mean, float(np.hypot(sd, _PERIOD_DOUBT * period / np.sqrt(3.0)))
+    mean = float(weight @ values)
+    return mean, float(np.sqrt(weight @ np.square(values - mean)))
 
 
 def _cost(tau: np.ndarray, velocity: np.ndarray, *, leaving: bool) -> float:

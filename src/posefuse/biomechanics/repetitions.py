@@ -6,14 +6,16 @@ from itertools import pairwise
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from posefuse.biomechanics.contact_times import Interval
-from posefuse.biomechanics.foot_paths import FootPaths
+from posefuse.biomechanics.contact_times import PERIOD_DOUBT, Interval, weighted_minimum
+from posefuse.biomechanics.foot_paths import TOES, FootPaths
 from posefuse.biomechanics.gait_events import GaitEvent, foot_stances, leg_length
 
 _GRAVITY = 9.81
 _FLIGHT_S = (0.1, 1.2)
 _RISE_SHARE = 0.4
 """Smallest rise of the pelvis in a jump, as a share of the rise that its flight time implies."""
+_EDGE_SEARCH_S, _EDGE_REST_S = 0.15, 0.15
+_EDGE_CANDIDATES = 61
 _MIN_DEPTH = 0.15
 """Smallest depth of a squat as a share of the length of the leg."""
 _DURATION_S = (0.5, 60.0)
@@ -91,6 +93,9 @@ def _jumps(paths: FootPaths, height: np.ndarray, stances: list[list[Interval]]) 
         off_s, off_sd = max((before.end_s, before.end_sd_s), (partner.end_s, partner.end_sd_s))
         landings = [(each.start_s, each.start_sd_s) for side in stances for each in side if each.start_s > off_s]
         land_s, land_sd = min(landings, default=(np.inf, np.nan))
+        if _FLIGHT_S[0] < land_s - off_s < 1.5 * _FLIGHT_S[1]:
+            middle = 0.5 * (off_s + land_s)
+            (off_s, off_sd), (land_s, land_sd) = _takeoff(paths, off_s, middle), _landing(paths, land_s, middle)
         flight = land_s - off_s
         if not _FLIGHT_S[0] < flight < _FLIGHT_S[1]:
             continue
@@ -100,6 +105,51 @@ def _jumps(paths: FootPaths, height: np.ndarray, stances: list[list[Interval]]) 
             sd = _GRAVITY * flight / 4.0 * float(np.hypot(off_sd, land_sd))
             found.append(Repetition("jump", off_s, land_s, rise, sd))
     return found
+
+
+def _takeoff(paths: FootPaths, guess_s: float, middle_s: float) -> tuple[float, float]:
+    """Return the time at which the toes begin to fly, and its standard deviation.
+
+    Their height is constant before, and a parabola of free fall afterwards. Contact is less exact here: paths that
+    move smoothly blur the sudden change of speed.
+
+    Args:
+        paths: paths of the person.
+        guess_s: approximate time.
+        middle_s: middle of the flight.
+    """
+    return _flight_edge(paths.time_s - guess_s, paths.feet_m[:, :, TOES, 2], guess_s, middle_s - guess_s)
+
+
+def _landing(paths: FootPaths, guess_s: float, middle_s: float) -> tuple[float, float]:
+    """Return the time at which the toes land, and its standard deviation: the time-reversed :func:`_takeoff`."""
+    back, sd_s = _flight_edge(guess_s - paths.time_s[::-1], paths.feet_m[::-1, :, TOES, 2], 0.0, guess_s - middle_s)
+    return guess_s - back, sd_s
+
+
+def _flight_edge(since_s: np.ndarray, heights_m: np.ndarray, origin_s: float, until_s: float) -> tuple[float, float]:
+    """Return ``origin_s`` plus the time since it at which free fall begins, and its standard deviation.
+
+    Args:
+        since_s: shape (frame,): time since the approximate beginning.
+        heights_m: shape (frame, foot).
+        origin_s: approximate beginning.
+        until_s: time until which the feet fly.
+    """
+    near = (since_s > -_EDGE_SEARCH_S - _EDGE_REST_S) & (since_s < until_s)
+    tau, height = since_s[near], heights_m[near]
+    height = height[:, np.isfinite(height).all(axis=0)]
+    if len(tau) < 8 or not height.size:
+        return origin_s, float("nan")
+    shifts = np.linspace(-_EDGE_SEARCH_S, min(_EDGE_SEARCH_S, 0.5 * until_s), _EDGE_CANDIDATES)
+    costs = []
+    for shift in shifts:
+        moving = np.maximum(tau - shift, 0.0)
+        fallen = height + 0.5 * _GRAVITY * np.square(moving)[:, None]
+        design = np.stack([np.ones(len(tau)), moving], axis=1)
+        costs.append(np.square(fallen - design @ np.linalg.lstsq(design, fallen, rcond=None)[0]).sum())
+    mean, sd = weighted_minimum(shifts, np.array(costs), max(1, height.size - 5))
+    return origin_s + mean, float(np.hypot(sd, float(np.median(np.diff(tau))) * PERIOD_DOUBT))
 
 
 def _lowerings(paths: FootPaths, height: np.ndarray, jumps: list[Repetition]) -> list[Repetition]:
