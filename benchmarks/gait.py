@@ -206,7 +206,9 @@ def contact_line(scores: list[Score]) -> str:
     landing = np.concatenate([each.landing for each in scores])
     text = f"contact F1 {2 * hits / (2 * hits + false + missed):.3f}"
     if len(stance):
-        text += f", resting feet {100 * np.nanmedian(stance):.1f} cm/s, 95 % below {100 * np.nanquantile(stance, 0.95):.1f}"
+        text += (
+            f", resting feet {100 * np.nanmedian(stance):.1f} cm/s, 95 % below {100 * np.nanquantile(stance, 0.95):.1f}"
+        )
     return text + (f", landing speed {100 * np.nanmedian(landing):.0f} % of the truth" if len(landing) else "")
 
 

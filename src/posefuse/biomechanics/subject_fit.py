@@ -89,7 +89,13 @@ def fit_subject(model: MarkerModel, samples: tuple[Sample, ...]) -> SubjectFit:
         fit = _with(model, basis, parameters)
         if np.abs(step).max() < _TOLERANCE:
             break
-    return replace(fit, factor=np.linalg.cholesky(np.linalg.inv(hessian)))
+    return replace(fit, factor=_inverse_factor(hessian))
+
+
+def _inverse_factor(hessian: np.ndarray) -> np.ndarray:
+    """Return a factor of the inverse; rounding leaves no positive eigenvalue of some directions without bounds."""
+    values, vectors = np.linalg.eigh(0.5 * (hessian + hessian.T))
+    return vectors / np.sqrt(np.maximum(values, 1e-14 * values[-1]))
 
 
 def systematic_covariance(fit: SubjectFit, person: PersonPoints, solution: Solution) -> np.ndarray:

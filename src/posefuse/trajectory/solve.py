@@ -105,8 +105,9 @@ def _solve_person(
 
     def contact_of(paths: Paths) -> GroundContact | None:
         assert find_contact is not None
-        points_m = np.where(paths.alive[..., None] & ~absent[:, None], paths.paths_m, np.nan)
-        return find_contact(person, observed.time_s, points_m, paths.covariance_m2)
+        known = (paths.alive & ~absent)[..., None]
+        points_m = np.where(known, paths.paths_m, np.nan)
+        return find_contact(person, observed.time_s, points_m, np.where(known[..., None], paths.covariance_m2, np.nan))
 
     paths = solver.solve(person_priors, contact_of if find_contact else None)
     before = np.asarray(measured_range.layer.status)[:, person].T
