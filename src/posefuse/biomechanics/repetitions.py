@@ -110,7 +110,7 @@ def _jumps(paths: FootPaths, height: np.ndarray, stances: list[list[Interval]]) 
 def _takeoff(paths: FootPaths, guess_s: float, middle_s: float) -> tuple[float, float]:
     """Return the time at which the toes begin to fly, and its standard deviation.
 
-    Their height is constant before, and a parabola of free fall afterwards. Contact is less exact here: paths that
+    Their height is constant before, then a parabola of free fall. Contact is less exact here: paths that
     move smoothly blur the sudden change of speed.
 
     Args:
