@@ -12,6 +12,11 @@ _MIN_SHARE = 0.99
 _TIE = 0.01
 """Scores that differ by less than this fraction are equal."""
 
+_TWO_CAMERAS = 2
+_TIE_TWO_CAMERAS = 0.05
+"""The same where two cameras predict a third. In 12 recordings of four real cameras with one left out, the layers that
+these scores rank within 5 % differ by up to 43 % in the fourth camera, in favor of the model in 9."""
+
 
 @dataclass(frozen=True)
 class LayerScore:
@@ -23,6 +28,7 @@ class LayerScore:
             views, over the points that all compared layers have; NaN without any.
         share: points of the layer, as a share of the measured points.
         geometric_mean_px: geometric mean of the same distances; NaN in results of earlier versions.
+        predicted_by: number of cameras that predict a left-out view; 0 in results of earlier versions.
     """
 
     layer: LayerName
@@ -30,6 +36,7 @@ class LayerScore:
     mean_px: float
     share: float
     geometric_mean_px: float = math.nan
+    predicted_by: int = 0
 
     @property
     def is_complete(self) -> bool:
@@ -48,12 +55,14 @@ def layer_of_scores(scores: Sequence[LayerScore]) -> LayerName | None:
     Layers without enough points do not count. Among layers whose scores differ by less than 1 %, that with the smallest
     geometric mean is chosen: it compares the errors by their ratios, so that a view that all layers predict badly
     counts no more than the others. If geometric means also differ by less than 1 %, or are unknown, the solved layer is
-    chosen.
+    chosen. Where two cameras predict a third, the most processed layer within 5 % is chosen.
     """
     complete = [each for each in scores if each.is_complete]
     if not complete:
         return None
     best = min(complete, key=lambda each: each.score_px)
+    if best.predicted_by == _TWO_CAMERAS:
+        return [each for each in complete if each.score_px <= (1.0 + _TIE_TWO_CAMERAS) * best.score_px][-1].layer
     tied = [each for each in complete if each.score_px <= (1.0 + _TIE) * best.score_px]
     if all(math.isfinite(each.geometric_mean_px) for each in tied):
         best = min(tied, key=lambda each: each.geometric_mean_px)

@@ -86,7 +86,7 @@ def with_layer_scores(plan: Plan) -> Plan:
     if bodies is not None:
         errors["model"], deviation_sd_m = _with_deviations(bodies, samples)
         notes.append(describe_deviations(bodies.skeleton, deviation_sd_m))
-    scores = _scores(errors)
+    scores = _scores(errors, len(plan.rig) - 1)
     notes.append(describe_scores(scores))
     provenance = plan.provenance.with_notes(note for note in notes if note)
     return replace(plan, layer_scores=scores, deviation_sd_m=deviation_sd_m, provenance=provenance)
@@ -226,7 +226,7 @@ def _solved(solver: LayerSolver, plan: Plan, part: Reconstruction, span: Span) -
     return np.asarray(layer.points_m)
 
 
-def _scores(errors: dict[LayerName, np.ndarray]) -> tuple[LayerScore, ...]:
+def _scores(errors: dict[LayerName, np.ndarray], predicted_by: int) -> tuple[LayerScore, ...]:
     """Return the scores of the layers over the points that all of them have, unless one has too few."""
     shares: dict[LayerName, float] = {name: _share(errors["measured"], each) for name, each in errors.items()}
     complete: list[LayerName] = [name for name in shares if LayerScore(name, 1.0, 1.0, shares[name]).is_complete]
@@ -239,7 +239,7 @@ def _scores(errors: dict[LayerName, np.ndarray]) -> tuple[LayerScore, ...]:
             if known.size:
                 median, mean = float(np.median(known)), float(known.mean())
                 geometric = float(np.exp(np.log(np.maximum(known, _MIN_ERROR_PX)).mean()))
-            scores.append(LayerScore(name, median, mean, shares[name], geometric))
+            scores.append(LayerScore(name, median, mean, shares[name], geometric, predicted_by))
     return tuple(scores)
 
 

@@ -80,7 +80,8 @@ def layer_section(result: Reconstruction) -> str:
         "<section><h2>Layers</h2><p>Distance between the detections of one camera and the points of the other cameras, "
         "over the points that all layers have. The layer with the smallest errors is the default, unless it lacks more "
         "than 1 % of the measured points. Errors within 1 % of the smallest are equal; the ratios of the errors then "
-        "decide, and the solved layer is preferred where these are equal, too.</p>"
+        "decide, and the solved layer is preferred where these are equal, too. With three cameras, "
+        "the most processed layer within 5 % of the smallest is the default.</p>"
         f'<div class="wide"><table><tr>{head}</tr>{"".join(rows)}</table></div></section>'
     )
 

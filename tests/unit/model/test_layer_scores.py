@@ -1,6 +1,7 @@
 """The default layer follows from the scores of left-out views."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -58,3 +59,10 @@ def test_sentence_names_all_scores_and_the_default():
         "80 % of the measured points). The default layer is solved."
     )
     assert describe_scores([]) == ""
+
+
+@pytest.mark.parametrize(("model_px", "expected"), [(5.2, "model"), (5.3, "solved")])
+def test_most_processed_layer_wins_wide_ties_where_two_cameras_predict_a_third(model_px, expected):
+    given = [replace(each, predicted_by=2) for each in scores(measured=5.2, solved=5.0, model=model_px)]
+    assert layer_of_scores(given) == expected
+    assert layer_of_scores([replace(each, predicted_by=3) for each in given]) == "solved"
