@@ -23,6 +23,10 @@ from posefuse.skeleton.skeletons import Skeleton
 from posefuse.trajectory.ground_contact import GroundContact
 
 _MIN_FRAMES = 8
+_MAX_VELOCITY_SD_M_S = 0.18
+"""Beyond this spread of the velocity of resting points, nothing shows that feet rest. It is at most 0.16 in simulated
+walks with the errors of OpenPose and 0.12 in real recordings, and at least 0.19 where simulated people slide their feet
+in every step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +36,7 @@ class FootContact:
     Attributes:
         skeleton: of the keypoints; it has feet.
         turn: shape (3, 3): rotation to axes with z up.
-        models: ground of each person; None for people without feet in the sample.
+        models: ground of each person; None for people without feet in the sample, or whose feet do not rest.
     """
 
     skeleton: Skeleton
@@ -92,7 +96,8 @@ def find_foot_contact(
     for person in range(points.shape[1]):
         paths = foot_paths_of_points(time_s, points[:, person], covariance[:, person], skeleton, turn)
         seen = np.isfinite(paths.feet_m[..., 0]).any(axis=(1, 2))
-        models.append(fit_contact_model(paths) if seen.sum() >= _MIN_FRAMES else None)
+        model = fit_contact_model(paths) if seen.sum() >= _MIN_FRAMES else None
+        models.append(model if model is not None and model.velocity_sd_m_s <= _MAX_VELOCITY_SD_M_S else None)
     return FootContact(skeleton, turn, tuple(models))
 
 

@@ -10,6 +10,8 @@ from posefuse.model.options.options import Options
 from posefuse.pipeline.foot_contact import find_foot_contact
 from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.skeleton.skeletons import find_skeleton
+from posefuse.synthetic.crowd_options import CrowdOptions
+from posefuse.synthetic.crowds import simulate_crowd
 from posefuse.synthetic.gait_plans import WalkPlan, stand, walk
 from posefuse.synthetic.gait_scenes import GaitSceneOptions, simulate_gait
 
@@ -60,6 +62,18 @@ def test_feet_move_with_a_belt():
 def test_sliding_feet_are_not_frozen():
     held, true = heels("slides", "on")
     assert np.ptp(held[:, 0]) == pytest.approx(np.ptp(true[:, 0]), rel=0.25)
+
+
+def test_feet_that_slide_in_every_step_are_left_alone():
+    """The simulated walker's feet move at 0.3 m/s or more while they touch the floor."""
+    data = simulate_crowd(CrowdOptions(people=1, duration_s=8.0, skeleton="coco_wholebody_133", seed=7))
+    layers = [
+        np.asarray(
+            reconstruct(data.rig, data.detections, Options(contact=switch, health="off")).layers["solved"].points_m
+        )
+        for switch in ("off", "on")
+    ]
+    np.testing.assert_array_equal(*layers)
 
 
 def test_contact_needs_feet_and_an_up_axis():
