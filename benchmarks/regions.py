@@ -1,8 +1,9 @@
 """Measure how often the 68 and 95 % regions of every layer contain the true points.
 
-``python -m benchmarks.regions [--only walk,crowd,...] [--seeds N] [--first N] [--data FOLDER]``. Every recording is reconstructed
-as the command does, with fitted bodies; ``causal`` is ``model`` without the smoother. Errors are white in ``walk`` and
-``panoptic-60``; all others follow the measured error model, which has heavy tails and is correlated over 0.25 s.
+``python -m benchmarks.regions [--only walk,crowd,...] [--seeds N] [--first N] [--data FOLDER]``. Every recording is
+reconstructed as the command does, with fitted bodies; ``causal`` is ``model`` without the smoother. Errors are white in
+``walk`` and ``panoptic-60``; all others follow the measured error model, which has heavy tails and is correlated over
+0.25 s.
 """
 
 import argparse
