@@ -1,8 +1,9 @@
 """Measure how often the 68 and 95 % regions of every layer contain the true points.
 
-``python -m benchmarks.regions [--only walk,crowd,...] [--seeds N] [--data FOLDER]``. Every recording is reconstructed
-as the command does, with fitted bodies; ``causal`` is ``model`` without the smoother. Errors are white in ``walk`` and
-``panoptic-60``; all others follow the measured error model, which has heavy tails and is correlated over 0.25 s.
+``python -m benchmarks.regions [--only walk,crowd,...] [--seeds N] [--first N] [--data FOLDER]``. Every recording is
+reconstructed as the command does, with fitted bodies; ``causal`` is ``model`` without the smoother. Errors are white in
+``walk`` and ``panoptic-60``; all others follow the measured error model, which has heavy tails and is correlated over
+0.25 s.
 """
 
 import argparse
@@ -181,6 +182,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", help="names of recordings, separated by commas")
     parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--details", action="store_true", help="print groups of keypoints too")
     parser.add_argument("--data", type=Path, default=DATA, help="folder of real recordings")
     given = parser.parse_args()
@@ -190,7 +192,7 @@ def main() -> None:
         parser.error(f"no {unknown}; there are {', '.join(usual)}")
     print(HEAD, flush=True)
     for name in chosen:
-        for row in rows(name, [usual[name](seed) for seed in range(given.seeds)], given.details):
+        for row in rows(name, [usual[name](given.first + i) for i in range(given.seeds)], given.details):
             print(row, flush=True)
 
 

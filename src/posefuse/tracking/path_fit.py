@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from posefuse.kernels.tracking.path_errors import Innovations, weigh_errors, weigh_lasting_errors
 from posefuse.kernels.tracking.path_solve import PathFactor, factor_path, invert_path, solve_path
 from posefuse.kernels.tracking.path_terms import (
     LinearObservations,
@@ -32,6 +33,9 @@ _MAX_STEP = 0.5
 
 _SHORT_MEMORY = 0.4
 """Correlation time of errors for the poses over that of the smoother: a part of the errors is hardly correlated."""
+
+_LASTING_MEMORY = 0.8
+"""Correlation time of weighted errors over that of the errors, since the weights vary."""
 
 _SHARING = 0.25
 """Exponent of the ratio of the square roots of the weights of two frames; their correlation is multiplied by that."""
@@ -181,22 +185,29 @@ class PathFit:
             s.cameras, s.node_body, s.law, self.state, d.keypoints_px, d.variance_px2, self._scratch, self.linear
         )
 
-    def equations(self, motion: PathMotion, columns: int, *, lasting: bool = False) -> PathSystem:
+    def equations(self, motion: PathMotion, columns: int, inflation: float | None = None) -> PathSystem:
         """Return the normal equations at the poses.
 
         Args:
             motion: Motion of the body.
             columns: Number of the columns: those of the pose, or also those of the shape.
-            lasting: Whether the errors are correlated for as long as those of the detector, for uncertainties.
+            inflation: For uncertainties: variance of the errors over that of the weighted ones; these errors last as
+                long as those of the detector. None for estimates.
         """
         s, frames, n = self.settings, len(self.detections.time_s), self.settings.tree.n_pose
         system = PathSystem(
             np.zeros((frames, columns, columns)), np.zeros((frames, columns, columns)), np.zeros((frames, n)),
             np.zeros((frames, columns)),
         )  # fmt: skip
-        memory_s = max(s.options.smoother_error_memory_s * (1.0 if lasting else _SHORT_MEMORY), MIN_MEMORY_S)
+        share = _SHORT_MEMORY if inflation is None else _LASTING_MEMORY
+        memory_s = max(share * s.options.smoother_error_memory_s, MIN_MEMORY_S)
         correlation = np.exp(-np.diff(self.detections.time_s, prepend=-np.inf) / memory_s)
-        add_observations(s.node_body, self.linear, correlation, _SHARING, self._scratch, system)
+        innovations = Innovations(*(np.empty(self.linear.precision.shape) for _ in range(2)))
+        if inflation is None:
+            weigh_errors(self.linear, correlation, _SHARING, innovations)
+        else:
+            weigh_lasting_errors(self.linear, correlation, inflation, innovations)
+        add_observations(s.node_body, self.linear, innovations, self._scratch, system)
         self.add_priors(motion, system)
         return system
 
@@ -303,11 +314,30 @@ class ReducedPath:
     pose: np.ndarray
     by_length: np.ndarray
 
+    def covariance(self, poses: np.ndarray, lengths_m2: np.ndarray) -> np.ndarray:
+        """Return the joint covariances of poses and lengths, shape (frame, pose + shape, pose + shape).
 
-def reduce_to_lengths(fit: PathFit, motion: PathMotion) -> ReducedPath | None:
-    """Return the equations of a linearized fit without its poses; None if they could not be solved."""
+        Args:
+            poses: shape (frame, pose, pose): covariances for known lengths.
+            lengths_m2: shape (frame, shape, shape): covariances of the lengths.
+        """
+        n = poses.shape[1]
+        mixed = -self.by_length @ lengths_m2
+        joint = np.empty((len(poses), n + lengths_m2.shape[1], n + lengths_m2.shape[1]))
+        joint[:, :n, :n] = poses - mixed @ self.by_length.transpose(0, 2, 1)
+        joint[:, :n, n:] = mixed
+        joint[:, n:, :n] = mixed.transpose(0, 2, 1)
+        joint[:, n:, n:] = lengths_m2
+        return joint
+
+
+def reduce_to_lengths(fit: PathFit, motion: PathMotion, inflation: float | None = None) -> ReducedPath | None:
+    """Return the equations of a linearized fit without its poses; None if they could not be solved.
+
+    With ``inflation`` they are those of uncertainties, as in :meth:`PathFit.equations`.
+    """
     n, h = fit.settings.tree.n_pose, fit.settings.tree.n_shape
-    system = fit.equations(motion, n + h)
+    system = fit.equations(motion, n + h, inflation)
     own, following = system.diagonal, system.next
     pose = system._replace(
         diagonal=own[:, :n, :n].copy(), next=following[:, :n, :n].copy(), gradient=system.gradient[:, :n].copy()

@@ -52,7 +52,7 @@ _MAX_SQUARED_ERROR = 1.5
 """Largest median squared error of fitted poses over that of the smoothed ones. Where errors are small and independent,
 deviations of the body from its model outweigh them, and fitted poses are worse."""
 
-_LASTING_SHARE = 0.5
+_LASTING_SHARE = 0.2
 """Typical lasting offset between a joint of the body and the keypoint over the one that the noise model assumes."""
 
 
@@ -77,7 +77,7 @@ class PathPriors:
 
     Attributes:
         motion: Motion of all bodies.
-        inflation: Variance of the poses over the inverse of their normal equations.
+        inflation: Variance of robust estimates over that of weighted ones.
         bodies: Lengths by number of the track, in order of time.
     """
 
@@ -114,7 +114,7 @@ def estimate_priors(history: History, settings: TrackerSettings) -> PathPriors |
             for _ in range(_ROUNDS):
                 body.step(motion)
         if body.explains_detections():
-            found = BodyLengths(sample.start, body.shape_m, inflation * body.covariance_m2)
+            found = BodyLengths(sample.start, body.shape_m, body.covariance_m2(motion, inflation))
             lengths.setdefault(sample.number, []).append(found)
     return PathPriors(motion, inflation, lengths)
 
@@ -150,7 +150,6 @@ class _BodyFit:
     def __init__(self, fits: list[PathFit], shape_m: np.ndarray, settings: TrackerSettings) -> None:
         self.fits = fits
         self.shape_m = shape_m
-        self.covariance_m2 = settings.tree.shape_covariance
         self._settings = settings
         self._start_m = shape_m
         self._start_error = self._squared_error()
@@ -187,8 +186,7 @@ class _BodyFit:
             equations = equations + reduced.lengths
             solved.append((fit, reduced))
             fit.release()
-        self.covariance_m2 = np.linalg.pinv(equations.curvature, hermitian=True)
-        shape_m = self.shape_m + self.covariance_m2 @ equations.gradient
+        shape_m = self.shape_m + np.linalg.pinv(equations.curvature, hermitian=True) @ equations.gradient
         most_m = _MAX_LENGTH_CHANGE * np.sqrt(np.diag(tree.shape_covariance))
         change_m = np.clip(shape_m, self._start_m - most_m, self._start_m + most_m) - self.shape_m
         self.shape_m = self.shape_m + change_m
@@ -196,6 +194,17 @@ class _BodyFit:
         for fit in self.fits:
             fit.state.shape[:] = self.shape_m
         return evidence
+
+    def covariance_m2(self, motion: PathMotion, inflation: float) -> np.ndarray:
+        """Return the covariance of the lengths, shape (shape, shape)."""
+        information = np.linalg.pinv(self._settings.tree.shape_covariance, hermitian=True)
+        for fit in self.fits:
+            fit.linearize()
+            reduced = reduce_to_lengths(fit, motion, inflation)
+            if reduced is not None:
+                information = information + reduced.lengths.curvature
+            fit.release()
+        return np.linalg.pinv(information, hermitian=True)
 
     def explains_detections(self) -> bool:
         """Return whether there are fits, whose errors are not much larger than those of the smoothed poses."""
@@ -232,14 +241,13 @@ def fit_path(smoothed: State, run: Run, priors: PathPriors, settings: TrackerSet
     state = smoothed._replace(shape=np.stack([each.shape_m for each in lengths])[epoch])
     detections = PathDetections.of(run.time_s, run.keypoints_px, run.confidence, settings)
     fit = PathFit(_without_covariance(state), detections, settings)
-    if not fit.fit(priors.motion) or not fit.factorize(
-        fit.equations(priors.motion, settings.tree.n_pose, lasting=True)
-    ):
+    reduced = reduce_to_lengths(fit, priors.motion, priors.inflation) if fit.fit(priors.motion) else None
+    if reduced is None:
         return None
-    n, h = settings.tree.n_pose, settings.tree.n_shape
+    lengths_m2 = np.stack([each.covariance_m2 for each in lengths])[epoch]
+    joint = reduced.covariance(fit.covariances()[0], lengths_m2)
     covariance = np.zeros_like(smoothed.covariance)
-    covariance[:, :n, :n] = priors.inflation * fit.covariances()[0]
-    covariance[:, n : n + h, n : n + h] = np.stack([each.covariance_m2 for each in lengths])[epoch]
+    covariance[:, : joint.shape[1], : joint.shape[1]] = joint
     free = np.ones(len(run), dtype=np.int64)
     return fit.state._replace(velocity=fit.velocities(), covariance=covariance, free=free)
 

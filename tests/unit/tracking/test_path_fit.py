@@ -5,19 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from posefuse.kernels.tracking.path_errors import Innovations, weigh_errors, weigh_lasting_errors
 from posefuse.kernels.tracking.path_solve import PathFactor, factor_path, invert_path, solve_path
-from posefuse.kernels.tracking.path_terms import PathSystem, move_poses
+from posefuse.kernels.tracking.path_terms import LinearObservations, PathSystem, move_poses
 from posefuse.kernels.tracking.records import State
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.body_states import ProjectedBodies, select_states
-from posefuse.tracking.path_fit import PathDetections, PathFit, PathMotion
+from posefuse.tracking.path_fit import PathDetections, PathFit, PathMotion, reduce_to_lengths
 from posefuse.tracking.settings import TrackerSettings
 
 FRAMES, DT_S = 5, 0.04
 SKELETON = shipped_skeleton("body_20")
+LASTING_SHARE = 0.8
+"""Correlation time of weighted errors over that of the errors."""
 
 
 def random_system(rng: np.random.Generator, frames: int, m: int) -> tuple[PathSystem, np.ndarray]:
@@ -97,16 +100,21 @@ def still(settings: TrackerSettings) -> PathMotion:
     return PathMotion(settings.decay_s, np.full(settings.tree.n_pose, 1e12))
 
 
+def lasting_covariance(settings: TrackerSettings, inflation: float) -> np.ndarray:
+    """Return the covariance of the errors of a keypoint in a view for uncertainties, shape (frame, frame)."""
+    correlation = np.exp(-DT_S / (LASTING_SHARE * settings.options.smoother_error_memory_s))
+    return inflation * 25.0 * correlation ** np.abs(np.subtract.outer(np.arange(FRAMES), np.arange(FRAMES)))
+
+
 def test_equations_are_those_of_correlated_errors(settings, rng):
     """The matrix is J^T C^-1 J and the gradient J^T C^-1 r, with the covariance C of autoregressive errors."""
     fit = fit_of(settings, moving(settings, rng), rng, sd_px=3.0)
     fit.linearize()
     n, linear = settings.tree.n_pose, fit.linear
-    system = fit.equations(still(settings), n, lasting=True)
+    system = fit.equations(still(settings), n, 1.5)
     bare = PathSystem(*(np.zeros_like(each) for each in system))
     fit.add_priors(still(settings), bare)
-    correlation = np.exp(-DT_S / settings.options.smoother_error_memory_s)
-    covariance = 25.0 * correlation ** np.abs(np.subtract.outer(np.arange(FRAMES), np.arange(FRAMES)))
+    covariance = lasting_covariance(settings, 1.5)
     rows = np.einsum("fvkax,fkxp->fvkap", linear.rows, linear.jacobian[..., :n])
     whitened = np.einsum("fg,gvka->fvka", np.linalg.inv(covariance), linear.residual_px)
     gradient = np.einsum("fvkap,fvka->fp", rows, whitened)
@@ -117,6 +125,84 @@ def test_equations_are_those_of_correlated_errors(settings, rng):
         np.testing.assert_allclose(actual, np.tril(full[f, :, f]), rtol=1e-6, atol=1e-5)
         if f:
             np.testing.assert_allclose(system.next[f] - bare.next[f], full[f, :, f - 1], rtol=1e-6, atol=1e-5)
+
+
+def test_joint_covariances_are_those_of_all_poses_and_lengths(settings, rng):
+    """They are blocks of the inverse of the dense matrix of all poses and of the lengths."""
+    fit = fit_of(settings, moving(settings, rng), rng, sd_px=3.0)
+    fit.linearize()
+    n, h, linear = settings.tree.n_pose, settings.tree.n_shape, fit.linear
+    bare = PathSystem(
+        np.zeros((FRAMES, n, n)), np.zeros((FRAMES, n, n)), np.zeros((FRAMES, n)), np.zeros((FRAMES, n))
+    )  # fmt: skip
+    fit.add_priors(still(settings), bare)
+    rows = np.einsum("fvkax,fkxp->fvkap", linear.rows, linear.jacobian)
+    jacobian = np.zeros((*rows.shape[:4], FRAMES * n + h))
+    for f in range(FRAMES):
+        jacobian[f, ..., f * n : (f + 1) * n] = rows[f, ..., :n]
+    jacobian[..., FRAMES * n :] = rows[..., n:]
+    information = np.linalg.inv(lasting_covariance(settings, 1.5))
+    dense = np.einsum("fvkap,fg,gvkaq->pq", jacobian, information, jacobian, optimize=True)
+    for f in range(FRAMES):
+        own = np.tril(bare.diagonal[f])
+        dense[f * n : (f + 1) * n, f * n : (f + 1) * n] += own + np.tril(own, -1).T
+    prior = np.linalg.inv(settings.tree.shape_covariance)
+    dense[FRAMES * n :, FRAMES * n :] += prior
+    reduced = reduce_to_lengths(fit, still(settings), 1.5)
+    assert reduced is not None
+    lengths_m2 = np.linalg.inv(prior + reduced.lengths.curvature)
+    actual = reduced.covariance(fit.covariances()[0], np.tile(lengths_m2, (FRAMES, 1, 1)))
+    inverse = np.linalg.inv(dense)
+    for f in range(FRAMES):
+        chosen = np.r_[f * n : (f + 1) * n, FRAMES * n : FRAMES * n + h]
+        np.testing.assert_allclose(actual[f], inverse[np.ix_(chosen, chosen)], rtol=1e-5, atol=1e-9)
+
+
+def observed(precision: np.ndarray) -> LinearObservations:
+    """Return detections of one keypoint in one view with these precisions, shape (frame,); 0 for a miss."""
+    shape = (len(precision), 1, 1)
+    size = precision.reshape(shape)
+    return LinearObservations(
+        np.zeros((*shape, 2)), np.zeros((*shape, 2, 3)), size, np.maximum(size, 1e-9), np.zeros(shape),
+        np.zeros((len(precision), 1, 3, 1)),
+    )  # fmt: skip
+
+
+def information_of_a_constant(innovations: Innovations) -> float:
+    """Return the information about a constant that all detections show."""
+    return float(np.square(innovations.own - innovations.before).sum())
+
+
+def lasting_information(precision: np.ndarray, correlation: float) -> float:
+    """Return the information that detections with lasting errors have about a constant."""
+    frames = len(precision)
+    out = Innovations(*(np.empty((frames, 1, 1)) for _ in range(2)))
+    links = np.where(np.arange(frames) > 0, correlation, 0.0)
+    weigh_lasting_errors(observed(precision), links, 1.0, out)
+    return information_of_a_constant(out)
+
+
+@pytest.mark.no_jit
+def test_misses_do_not_end_an_error_that_lasts(rng):
+    """The information about a constant is 1^T C^-1 1, with the covariance C of the errors of what is detected."""
+    correlation, frames = 0.93, 40
+    seen = np.arange(frames) == 0
+    seen |= rng.random(frames) < 0.7
+    covariance = correlation ** np.abs(np.subtract.outer(np.flatnonzero(seen), np.flatnonzero(seen)))
+    expected = np.linalg.inv(covariance).sum()
+    assert lasting_information(seen.astype(float), correlation) == pytest.approx(expected)
+
+
+@pytest.mark.no_jit
+def test_outlier_is_no_information():
+    """A detection with a tenth of the weight of the others must not tell their errors from the pose."""
+    precision = np.ones(40)
+    usual = lasting_information(precision, 0.93)
+    precision[20] = 0.1
+    assert lasting_information(precision, 0.93) < usual
+    out = Innovations(*(np.empty((40, 1, 1)) for _ in range(2)))
+    weigh_errors(observed(precision), np.where(np.arange(40) > 0, 0.93, 0.0), 0.25, out)
+    assert information_of_a_constant(out) > 1.5 * usual, "the innovations of estimates are no measure of uncertainty"
 
 
 def test_derivatives_are_those_of_the_projection(settings, rng):

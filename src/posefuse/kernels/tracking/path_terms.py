@@ -114,29 +114,14 @@ def linearize_path(cameras, body, error_model, state, keypoints_px, variance_px2
                         out.jacobian[t, k, i, c] = scratch.jacobian[node, i, c]
 
 
-@inline
-def _link(linear, t, v, k, correlation, sharing):
-    """Return the correlation of the errors of frames ``t - 1`` and ``t``; outliers are hardly correlated.
-
-    An error far beyond the usual ones belongs to a frame of its own; a correlation with it would shift the others.
-    """
-    if t <= 0 or t >= correlation.shape[0]:
-        return 0.0
-    if not (linear.precision[t, v, k] > 0.0 and linear.precision[t - 1, v, k] > 0.0):
-        return 0.0
-    ratio = linear.weight[t, v, k] / linear.weight[t - 1, v, k]
-    return correlation[t] * min(ratio, 1.0 / ratio) ** sharing
-
-
 @kernel
-def add_observations(body, linear, correlation, sharing, scratch, system):
+def add_observations(body, linear, innovations, scratch, system):
     """Add all detections to the equations.
 
     Args:
         body: a Body.
         linear: LinearObservations.
-        correlation: shape (frame,): of the errors of each frame and the frame before.
-        sharing: exponent of the ratio of the weights of two frames, by which their correlation is multiplied.
+        innovations: Innovations of their errors.
         scratch: PathScratch.
         system: PathSystem, in and out.
     """
@@ -156,15 +141,7 @@ def add_observations(body, linear, correlation, sharing, scratch, system):
             linked = False
             for v in range(views):
                 if linear.precision[t, v, k] > 0.0:
-                    linked |= _add_view(
-                        linear,
-                        t,
-                        v,
-                        k,
-                        _link(linear, t, v, k, correlation, sharing),
-                        _link(linear, t + 1, v, k, correlation, sharing),
-                        scratch,
-                    )
+                    linked |= _add_view(linear, innovations, t, v, k, scratch)
             here = linear.jacobian[t, k]
             _add_gradient(body, node, here, force, m, system.gradient[t])
             _add_block(body, node, here, here, own, scratch.weighted, True, system.diagonal[t])
@@ -174,23 +151,24 @@ def add_observations(body, linear, correlation, sharing, scratch, system):
 
 
 @subroutine
-def _add_view(linear, t, v, k, before, after, scratch):
+def _add_view(linear, innovations, t, v, k, scratch):
     """Add one detection, correlated with those before and after it, to the equations of a point.
 
     Returns:
         Whether it is correlated with the one before.
     """
-    row, residual, precision = linear.rows[t, v, k], linear.residual_px, linear.precision
-    a = precision[t, v, k]
-    d = a * a * (1.0 / (1.0 - before * before) + after * after / (1.0 - after * after))
+    row, residual = linear.rows[t, v, k], linear.residual_px
+    own, before = innovations.own[t, v, k], innovations.before[t, v, k]
+    after = innovations.before[t + 1, v, k] if t + 1 < innovations.own.shape[0] else 0.0
+    d = own * own + after * after
     e, f = d * residual[t, v, k, 0], d * residual[t, v, k, 1]
     if before > 0.0:
-        o = -a * precision[t - 1, v, k] * before / (1.0 - before * before)
+        o = -own * before
         e += o * residual[t - 1, v, k, 0]
         f += o * residual[t - 1, v, k, 1]
         _add_outer(row, linear.rows[t - 1, v, k], o, scratch.link)
     if after > 0.0:
-        o = -a * precision[t + 1, v, k] * after / (1.0 - after * after)
+        o = -innovations.own[t + 1, v, k] * after
         e += o * residual[t + 1, v, k, 0]
         f += o * residual[t + 1, v, k, 1]
     _add_outer(row, row, d, scratch.own)
