@@ -17,6 +17,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from posefuse.biomechanics.center_of_mass import CentersOfMass as CentersOfMass
+    from posefuse.biomechanics.center_of_mass import center_of_mass as center_of_mass
     from posefuse.calibration.boards.calibration import BoardCalibration as BoardCalibration
     from posefuse.calibration.outcome import Refinement as Refinement
     from posefuse.calibration.people.result import BoardShare as BoardShare
@@ -153,6 +155,7 @@ if TYPE_CHECKING:
     from posefuse.tracking.records import Person as Person
 
 _PUBLIC = {
+    "biomechanics.center_of_mass": ("center_of_mass", "CentersOfMass"),
     "calibration.boards.calibration": ("BoardCalibration",),
     "calibration.people.result": ("BoardShare", "PeopleCalibration"),
     "calibration.outcome": ("Refinement",),

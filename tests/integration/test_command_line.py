@@ -19,8 +19,8 @@ from posefuse.model.cameras import CameraRig
 from tests.files import anipose_toml, write_openpose
 
 OUTPUTS = [
-    "angles.csv", "fingerprint.json", "keypoints.csv", "lengths.csv", "person_1.c3d", "person_1.mot", "person_1.trc",
-    "reconstruction.nc", "report.html", "solved.csv",
+    "angles.csv", "com.csv", "fingerprint.json", "keypoints.csv", "lengths.csv", "person_1.c3d", "person_1.mot",
+    "person_1.trc", "reconstruction.nc", "report.html", "solved.csv",
 ]  # fmt: skip
 
 

@@ -48,9 +48,14 @@ class MarkerModel:
         )
 
 
+def is_human(skeleton: Skeleton) -> bool:
+    """Return whether a skeleton is one of a human body."""
+    return set(_NEEDED) <= set(skeleton.keypoints)
+
+
 def marker_model(skeleton: Skeleton) -> MarkerModel | None:
     """Return the unscaled model of a skeleton, or None if the skeleton is not one of a human body."""
-    if not set(_NEEDED) <= set(skeleton.keypoints):
+    if not is_human(skeleton):
         return None
     anatomy, placements = read_anatomy(), placements_of(skeleton)
     names = tuple(each.keypoint for each in placements)

@@ -4,19 +4,19 @@ from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
-from posefuse.biomechanics.center_of_mass import centers_of_mass
+from posefuse.biomechanics.center_of_mass import CentersOfMass, centers_of_mass, masses_of
 from posefuse.biomechanics.segment_lengths import segment_lengths
 from posefuse.kinematics.joint_angles import angle_names, joint_angles, skeleton_angles
 from posefuse.kinematics.pose_from_points import pose_of_points
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.skeleton.masses import mass_table
+from posefuse.skeleton.masses import Masses
 from posefuse.skeleton.trees import Tree
 
 Columns = Mapping[str, np.ndarray]
 """Columns of a table by name, all of the same length."""
 
-CENTERS_FILE, LENGTHS_FILE = "com.csv", "lengths.csv"
+CENTERS_FILE, LENGTHS_FILE, MASSES_FILE = "com.csv", "lengths.csv", "segment_masses.csv"
 
 
 def keypoint_angles(part: Reconstruction, parts_only: bool = False) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
@@ -62,7 +62,8 @@ def _of_root(tree: Tree, names: Iterable[str]) -> list[bool]:
 def body_tables(result: Reconstruction) -> dict[str, Iterator[Columns]]:
     """Return the tables written beside a result, by file name.
 
-    These are segment lengths, unless frames are unrelated, and centers of mass if a mass table is set.
+    These are segment lengths, unless frames are unrelated, centers of mass of human bodies, and segment masses if the
+    mass of the subject is known.
 
     Args:
         result: its best layer, or the layer set in its options, is used.
@@ -76,10 +77,11 @@ def body_tables(result: Reconstruction) -> dict[str, Iterator[Columns]]:
     tables: dict[str, Iterator[Columns]] = {}
     if result.skeleton.edges and result.has_identities:
         tables[LENGTHS_FILE] = iter([_length_columns(result, layer)])
-    name = result.options.subject.mass_table
-    if name != "none":
-        mass_table(name).check(result.skeleton)
-        tables[CENTERS_FILE] = (_center_columns(part, layer) for part in result.chunks())
+    masses = masses_of(result)
+    if masses is not None:
+        tables[CENTERS_FILE] = _center_columns(result, masses)
+        if result.options.subject.mass_kg is not None:
+            tables[MASSES_FILE] = iter([_mass_columns(masses, result.options.subject.mass_kg)])
     return tables
 
 
@@ -97,20 +99,46 @@ def _length_columns(result: Reconstruction, layer: LayerName) -> Columns:
     }
 
 
-def _center_columns(part: Reconstruction, layer: LayerName) -> Columns:
-    """Return the columns of the table of centers of mass."""
-    rows = centers_of_mass(part.layers[layer], part.skeleton, mass_table(part.options.subject.mass_table))
-    people = len(part.person_ids)
-    positions = rows.xyz_m.reshape(-1, 3)
-    known = rows.known_share.ravel()
-    columns = {
-        "frame": np.repeat(part.frame_numbers, people),
-        "time_s": np.repeat(part.time_s, people),
-        "person": np.tile(np.array(part.person_ids, dtype=object), part.n_frames),
-        **{f"{axis}_m": positions[:, i] for i, axis in enumerate("xyz")},
-        "known_share": known,
-        "filled_share": rows.filled_share.ravel(),
-        "layer": np.array([layer] * len(known), dtype=object),
+def _center_columns(result: Reconstruction, masses: Masses) -> Iterator[Columns]:
+    """Yield the columns of the table of centers of mass, one range of frames at a time."""
+    people, start, mass_kg = len(result.person_ids), 0, result.options.subject.mass_kg
+    for part in centers_of_mass(result, masses):
+        n_frames = len(part.xyz_m)
+        frames = slice(start, start + n_frames)
+        known = part.known_share.ravel()
+        columns = {
+            "frame": np.repeat(result.frame_numbers[frames], people),
+            "time_s": np.repeat(result.time_s[frames], people),
+            "person": np.tile(np.array(result.person_ids, dtype=object), n_frames),
+            **_motion_columns(part),
+            "known_share": known,
+            "filled_share": part.filled_share.ravel(),
+            "layer": np.array([part.layer] * len(known), dtype=object),
+        }
+        yield columns if mass_kg is None else {**columns, "known_mass_kg": mass_kg * known}
+        start += n_frames
+
+
+def _motion_columns(part: CentersOfMass) -> Columns:
+    """Return the columns of positions and velocities, each with standard deviations."""
+    arrays = {
+        "{}_m": part.xyz_m,
+        "{}_sd_m": part.sd_m,
+        "v{}_m_s": part.velocity_m_s,
+        "v{}_sd_m_s": part.velocity_sd_m_s,
     }
-    mass_kg = part.options.subject.mass_kg
-    return columns if mass_kg is None else {**columns, "known_mass_kg": mass_kg * known}
+    return {
+        title.format(axis): values[..., i].ravel() for title, values in arrays.items() for i, axis in enumerate("xyz")
+    }
+
+
+def _mass_columns(masses: Masses, mass_kg: float) -> Columns:
+    """Return the columns of the table of segment masses."""
+    shares = np.array([segment.mass for segment in masses.segments])
+    shares = shares / shares.sum()
+    return {
+        "segment": np.array([segment.name for segment in masses.segments], dtype=object),
+        "share": shares,
+        "mass_kg": mass_kg * shares,
+        "table": np.array([masses.name] * len(shares), dtype=object),
+    }

@@ -46,6 +46,10 @@ class Masses:
     source: str
     segments: tuple[MassSegment, ...]
 
+    def fits(self, skeleton: Skeleton) -> bool:
+        """Return whether a skeleton has all segments."""
+        return all(segment.ends_in(skeleton) is not None for segment in self.segments)
+
     def check(self, skeleton: Skeleton) -> None:
         """Check that a skeleton has all segments.
 
@@ -57,14 +61,21 @@ class Masses:
                 near, far, _ = segment.ends[0]
                 raise SkeletonError(
                     f"The center of mass with {self.name} needs the segment {segment.name} ({', '.join(near)} to "
-                    f"{', '.join(far)}), but skeleton {skeleton.name} lacks its keypoints. Remove "
-                    "subject.mass_table."
+                    f"{', '.join(far)}), but skeleton {skeleton.name} lacks its keypoints. Set "
+                    "subject.mass_table to none."
                 )
+
+
+def default_table(sex: str | None) -> Masses:
+    """Return de Leva's table for the sex F or M, and the mean of both tables for any other."""
+    return mass_table({"F": "de_leva_female", "M": "de_leva_male"}.get(sex or "", "de_leva_mean"))
 
 
 @cache
 def mass_table(name: str) -> Masses:
-    """Return a shipped mass table by name, with segments of both sides."""
+    """Return a shipped mass table by name, with segments of both sides; ``de_leva_mean`` is the mean of both sexes."""
+    if name == "de_leva_mean":
+        return _mean(name, mass_table("de_leva_female"), mass_table("de_leva_male"))
     text = files("posefuse.skeleton").joinpath("mass_tables", f"{name}.toml").read_text("utf-8")
     data = tomllib.loads(text)
     segments = []
@@ -74,6 +85,19 @@ def mass_table(name: str) -> Masses:
         if row["name"].startswith("left_"):
             segments.append(MassSegment(_right(row["name"]), float(row["mass"]), tuple(map(_mirrored, ends))))
     return Masses(data["name"], data["source"], tuple(segments))
+
+
+def _mean(name: str, first: Masses, second: Masses) -> Masses:
+    """Return the mean of two tables with the same segments and keypoints."""
+    segments = tuple(
+        MassSegment(
+            a.name,
+            0.5 * (a.mass + b.mass),
+            tuple((*one[:2], 0.5 * (one[2] + two[2])) for one, two in zip(a.ends, b.ends, strict=True)),
+        )
+        for a, b in zip(first.segments, second.segments, strict=True)
+    )
+    return Masses(name, first.source.replace("females", "mean of females and males"), segments)
 
 
 def _mirrored(ends: Ends) -> Ends:

@@ -9,7 +9,7 @@ from posefuse.errors import OptionsError
 from posefuse.model.options.bounds import check_fields, option
 
 Sex = Literal["F", "M", "U", "O"]
-MassTable = Literal["none", "winter", "de_leva_female", "de_leva_male"]
+MassTable = Literal["auto", "none", "winter", "de_leva_mean", "de_leva_female", "de_leva_male"]
 
 
 _DURATION = r"P(?!$|/)(?:\d+Y)?(?:\d+M)?(?:\d+W)?(?:\d+D)?(?:T(?=\d)(?:\d+H)?(?:\d+M)?(?:\d+S)?)?"
@@ -29,18 +29,20 @@ class SubjectOptions:
     """Properties of the recorded subject that derived quantities need.
 
     Attributes:
-        mass_table: Table of segment masses for the center of mass in com.csv; "none" writes no center of mass.
+        mass_table: Table of segment masses for the center of mass in com.csv; "auto" uses de Leva's for the subject's
+            sex, or the mean of both, for human skeletons with all segments, and "none" writes no center of mass.
         static: Frames START:STOP of the recording in which people stand upright with straight legs, or the result of
             such a static trial; joint angles are zero in anatomical alignment as it shows it.
-        mass_kg: Body mass of the subject, used in com.csv and in the scaling setup written for OpenSim.
+        mass_kg: Body mass of the subject, used in com.csv and segment_masses.csv, and in the scaling setup written for
+            OpenSim.
         id: Identifier of the subject in NWB files, without slashes.
         species: Species of the subject in NWB files, as its Latin name or the address of its NCBI taxon.
-        sex: Sex of the subject in NWB files: F, M, U (unknown) or O (other).
+        sex: Sex of the subject, for segment masses and NWB files: F, M, U (unknown) or O (other).
         age: Age of the subject in NWB files as an ISO 8601 duration, such as P25Y or P90D, or a range P20Y/P30Y.
         date_of_birth: Date of birth of the subject in NWB files, such as 1998-04-12.
     """
 
-    mass_table: MassTable = "none"
+    mass_table: MassTable = "auto"
     static: str | None = option(None, example='"0:60"')
     mass_kg: float | None = option(None, above=0.0, example="70.0")
     id: str | None = option(None, example='"s01"')
