@@ -141,7 +141,7 @@ class _Body:
             time_s: shape (frame,).
         """
         used, segments = self.shares != 0.0, np.array([segment.mass for segment in self.masses.segments])
-        missing = ~np.isfinite(points_m).all(axis=-1)
+        missing = np.asarray(~np.isfinite(points_m).all(axis=-1))
         known = ~(missing[:, :, None] & used).any(axis=3)
         known_share = (known * segments).sum(axis=2) / segments.sum()
         filled_share = (((filled[:, :, None] & used).any(axis=3) & known) * segments).sum(axis=2) / segments.sum()

@@ -14,6 +14,7 @@ from posefuse.io.checkpoints import digest_of, key_in
 from posefuse.io.files import CHECKPOINT_FOLDER, RESULT_FILES, check_folder_marker, replacing
 from posefuse.io.open_recording import digest_path
 from posefuse.io.outputs import exists_error
+from posefuse.io.results.open_result import result_file
 from posefuse.model.options.options import Options
 
 RESULT, MARK = RESULT_FILES[:2]
@@ -50,19 +51,21 @@ class Mark:
     remembered: Mapping[str, Any]
 
 
-def fingerprint(inputs: Mapping[str, str], options: Options, skeleton: str = "", **more: object) -> str:
+def fingerprint(inputs: Mapping[str, str], options: Options, **more: object) -> str:
     """Return a digest of what a result depends on.
 
     Args:
         inputs: names and digests of the inputs.
-        options: options of the reconstruction.
-        skeleton: digest of the file that ``options.skeleton`` names, if it names one.
+        options: options of the reconstruction; files that they name count by their content.
         more: further JSON values.
     """
     values = asdict(options)
-    if skeleton:
-        # The path of the file differs between machines.
-        values["skeleton"] = skeleton
+    # Paths of files differ between machines.
+    if options.skeleton and options.skeleton.endswith(".toml") and Path(options.skeleton).is_file():
+        values["skeleton"] = digest_path(Path(options.skeleton))
+    static = None if options.subject.static is None else result_file(Path(options.subject.static))
+    if static is not None and static.is_file():
+        values["subject"]["static"] = digest_path(static)
     whole = {"inputs": dict(inputs), "options": values, "posefuse": version("posefuse"), **more}
     return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
 
@@ -84,12 +87,10 @@ def recording_keys(
         also: further formats to write.
         window_s: length of the windows into which the recording is divided, or None.
     """
-    own = Path(options.skeleton) if options.skeleton and options.skeleton.endswith(".toml") else None
-    skeleton = digest_path(own) if own is not None and own.is_file() else ""
     versions = {name: version(name) for name in ("numpy", "numba", "scipy")} | {"python": python_version()}
     edited = "" if edits is None else digest_path(edits)
-    common = fingerprint(digests, options, skeleton, window_s=window_s)
-    result = fingerprint(digests, options, skeleton, window_s=window_s, also=sorted(set(also)), edits=edited)
+    common = fingerprint(digests, options, window_s=window_s)
+    result = fingerprint(digests, options, window_s=window_s, also=sorted(set(also)), edits=edited)
     return RecordingKeys(result, digest_of({"recording": common, "versions": versions}))
 
 

@@ -13,7 +13,7 @@ from posefuse.errors import SkeletonError
 from posefuse.model.options.subject import MassTable, Sex
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import Source
-from posefuse.skeleton.masses import default_table, mass_table
+from posefuse.skeleton.masses import default_table
 from posefuse.skeleton.skeletons import find_skeleton
 from posefuse.synthetic.rigs import build_rig
 from posefuse.synthetic.scenes import truth_of

@@ -5,7 +5,8 @@ import pytest
 from posefuse.errors import FileError, OutputExistsError
 from posefuse.io.checkpoints import CheckpointFolder
 from posefuse.model.options.options import Options
-from posefuse.pipeline.fingerprints import find_earlier, read_mark, recording_keys, write_mark
+from posefuse.model.options.subject import SubjectOptions
+from posefuse.pipeline.fingerprints import RecordingKeys, find_earlier, read_mark, recording_keys, write_mark
 
 INPUTS = {"keypoints.nc": "1"}
 
@@ -72,3 +73,21 @@ def test_path_of_a_skeleton_does_not_count(tmp_path):
         (tmp_path / f"{name}.toml").write_text("same")
     first, second = (recording_keys(INPUTS, Options(skeleton=str(tmp_path / f"{name}.toml"))) for name in "ab")
     assert first == second
+
+
+def test_a_static_trial_counts_by_its_content(tmp_path):
+    def keys(name: str) -> RecordingKeys:
+        return recording_keys(INPUTS, Options(subject=SubjectOptions(static=name)))
+
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "reconstruction.nc").write_text("standing")
+    first = keys(str(tmp_path / "a"))
+    assert keys(str(tmp_path / "b")) == first
+    assert keys(str(tmp_path / "a" / "reconstruction.nc")) == first
+    # A report that is written again does not change the trial.
+    (tmp_path / "a" / "report.html").write_text("page")
+    assert keys(str(tmp_path / "a")) == first
+    (tmp_path / "a" / "reconstruction.nc").write_text("leaning")
+    assert keys(str(tmp_path / "a")).result != first.result
+    assert len({each.result for each in (first, keys("0:60"), keys("0:50"), recording_keys(INPUTS, Options()))}) == 4

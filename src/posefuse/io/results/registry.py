@@ -22,6 +22,7 @@ RESULTS = FormatRegistry(
         "nwb",
         "trc",
         "mot",
+        "angles_wide",
         "c3d",
         "bvh",
         "gltf",
