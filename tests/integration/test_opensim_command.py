@@ -2,6 +2,7 @@
 
 import csv
 import importlib.util
+import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,80 +10,33 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-import posefuse
 from posefuse.biomechanics.anatomy.scaled import ScaledAnatomy
 from posefuse.biomechanics.coordinate_priors import moving_prior
 from posefuse.biomechanics.inverse_kinematics import person_points, solve
-from posefuse.biomechanics.marker_model import MarkerModel, marker_model
+from posefuse.biomechanics.marker_model import MarkerModel
 from posefuse.io.motion_tables import read_joint_angles
 from posefuse.io.opensim.model_file import write_model
-from posefuse.io.results.axes import y_up_from_world
-from posefuse.model.options.options import Options
-from posefuse.model.options.subject import SubjectOptions
-from posefuse.model.reconstruction import Reconstruction
 from posefuse.skeleton.skeletons import shipped_skeleton
-from tests.figures import model_layer
-from tests.scenes import ring
+from tests.opensim_people import flexed, model_of, recorded, walking
 
-FRAMES, RATE_HZ = 12, 60.0
-FLEXED_DEG = {"knee_angle": 40.0, "elbow_flex": 60.0, "hip_flexion": 20.0, "pro_sup": 60.0, "arm_flex": 10.0}
-"""A pose in which no limb is straight, so that points show every rotation."""
 needs_opensim = pytest.mark.skipif(
     importlib.util.find_spec("opensim") is None,
     reason="the package opensim is not installed: pip install 'posefuse[opensim]'",
 )
 
 
-def model_of(name: str) -> MarkerModel:
-    model = marker_model(shipped_skeleton(name))
-    assert model is not None
-    return model
-
-
-def flexed(model: MarkerModel) -> np.ndarray:
-    q = model.anatomy.defaults.copy()
-    for name, degrees in FLEXED_DEG.items():
-        for side in "rl":
-            q[model.anatomy.coordinate_index(f"{name}_{side}")] = np.radians(degrees)
-    return q
-
-
-def walking(model: MarkerModel, heading_deg: float = 70.0) -> np.ndarray:
-    """Return coordinates of a person who moves all large joints and faces another direction than x."""
-    q = np.repeat(flexed(model)[None], FRAMES, axis=0)
-    phase = 2 * np.pi * np.arange(FRAMES) / FRAMES
-    for name, amplitude in {"hip_flexion": 20.0, "knee_angle": 20.0, "ankle_angle": 10.0, "arm_flex": 15.0}.items():
-        for sign, side in ((1, "r"), (-1, "l")):
-            q[:, model.anatomy.coordinate_index(f"{name}_{side}")] += np.radians(amplitude) * sign * np.sin(phase)
-    q[:, model.anatomy.coordinate_index("pelvis_rotation")] = np.radians(heading_deg)
-    q[:, model.anatomy.coordinate_index("pelvis_tx")] = 0.01 * np.arange(FRAMES)
-    return q
-
-
-def recorded(path: Path, size: float = 1.05, static: str | None = None) -> Reconstruction:
-    """Write a result of a walking person whose points are the model's markers."""
-    model, rig = model_of("halpe_26"), ring(3)
-    scales = size * model.anatomy.unscaled()
-    places = model.anatomy.marker_positions(scales, walking(model), model.markers.bodies, model.markers.locations_m)
-    points = np.full((FRAMES, 1, len(shipped_skeleton("halpe_26")), 3), np.nan)
-    points[:, 0, model.columns] = places @ y_up_from_world(rig.up_axis)
-    layer = model_layer(points)
-    covariance = np.full(layer.covariance_m2.shape, 0.0)
-    covariance[..., [0, 3, 5]] = 0.005**2
-    layer = replace(layer, covariance_m2=np.where(np.isfinite(points[..., :1]), covariance, np.nan))
-    result = Reconstruction(
-        rig=rig, skeleton=shipped_skeleton("halpe_26"), person_ids=("anna",), frame_numbers=np.arange(FRAMES),
-        time_s=np.arange(FRAMES) / RATE_HZ, layers={"solved": layer}, rate_hz=RATE_HZ,
-        options=Options(subject=SubjectOptions(static=static)),
-    )  # fmt: skip
-    path.mkdir()
-    posefuse.write(result, path / "reconstruction.nc")
-    return result
-
-
 def rows_of(folder: Path) -> dict[str, dict[str, str]]:
     with (folder / "angles_comparison.csv").open(encoding="utf-8", newline="") as file:
         return {row["angle"]: row for row in csv.DictReader(file)}
+
+
+def length_of_foot(model: Path) -> float:
+    """Return the distance between the markers of heel and big toe of a model in the axes of the foot's bodies."""
+    places = {
+        marker.get("name"): np.array([float(number) for number in marker.findtext("location", "").split()])
+        for marker in ElementTree.parse(model).getroot().iter("Marker")
+    }
+    return float(np.linalg.norm(places["right_big_toe"] - places["right_heel"]))
 
 
 @pytest.fixture(scope="module")
@@ -122,6 +76,31 @@ def test_several_results_use_their_own_static_trials(run, tmp_path):
     change = np.abs(found["with_trial"].degrees - found["without"].degrees).max(axis=0)
     assert change[found["without"].angles.index("hip_flexion_r")] > 0.1
     assert with_trial.options.subject.static == "0:4"
+
+
+@needs_opensim
+def test_two_people_of_two_results_get_their_own_models_and_motions(run, tmp_path):
+    people, headings = ("anna", "ben"), {"walk": (70.0, -30.0), "turn": (20.0, 110.0)}
+    for trial, degrees in headings.items():
+        recorded(tmp_path / trial, headings_deg=degrees, people=people)
+    code, _, warned = run("opensim", *(tmp_path / trial for trial in headings), "-o", tmp_path / "out")
+    assert (code, warned) == (0, "")
+    rotations, sizes = {}, {}
+    for trial, degrees in headings.items():
+        for person, heading_deg in zip(people, degrees, strict=True):
+            stem = tmp_path / "out" / f"{trial}_{person}"
+            assert all(stem.with_name(stem.name + end).is_file() for end in (".osim", ".trc", "_ik.xml"))
+            found = read_joint_angles(stem.with_name(f"{stem.name}.mot"))
+            turns = found.degrees[:, found.angles.index("pelvis_rotation")]
+            rotations[trial, person] = float(np.median(turns)) - heading_deg
+            sizes[trial, person] = length_of_foot(stem.with_name(f"{stem.name}.osim"))
+    assert max(rotations.values()) - min(rotations.values()) < 3.0, rotations
+    for trial in headings:
+        assert sizes[trial, "ben"] / sizes[trial, "anna"] == pytest.approx(0.95, abs=0.02)
+    with (tmp_path / "out" / "angles_comparison.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert {(row["trial"], row["person"]) for row in rows} == set(rotations)
+    assert all(float(row["rmse_deg"]) < 3.0 for row in rows if row["angle"].startswith(("hip_flexion", "knee_angle")))
 
 
 def test_a_static_trial_that_is_gone_is_named_before_any_file_is_written(run, tmp_path):

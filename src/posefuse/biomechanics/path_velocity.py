@@ -14,7 +14,7 @@ _MAX_HALF_S = 0.2
 """Largest half of the window; frames that are farther apart have no velocity."""
 _TOLERANCE = 1.0 + 1e-6
 _TERMS = 3
-_MEMORY_S: dict[LayerName, float] = {"measured": 0.17, "solved": 0.083, "model": 0.115}
+_MEMORY_S: dict[LayerName, float] = {"measured": 0.15, "solved": 0.083, "model": 0.115}
 """Correlation time of the errors of the center of mass."""
 _SMOOTHED: dict[LayerName, float] = {"measured": 0.0, "solved": 0.7, "model": 0.2}
 """Error of the velocity by smoothing, as a share of the second difference of the velocity over ``_CHANGE_S``."""

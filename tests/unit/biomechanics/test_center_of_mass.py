@@ -105,7 +105,7 @@ def test_intervals_contain_the_truth_under_errors_that_persist(moving, layer):
     shape = (n, len(moving.skeleton), 3)
     shared = {"measured": 0.03, "solved": 0.14, "model": 0.1}[layer]
     lag_s = np.abs(moving.time_s[:, None] - moving.time_s)
-    memory_s = {"measured": 0.17, "solved": 0.083, "model": 0.115}[layer]
+    memory_s = {"measured": 0.15, "solved": 0.083, "model": 0.115}[layer]
     matrix = (
         np.where(lag_s == 0, 1.0, 0.85 * np.exp(-lag_s / memory_s))
         if layer == "measured" else (1.0 + lag_s / memory_s) * np.exp(-lag_s / memory_s)
