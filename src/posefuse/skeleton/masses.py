@@ -61,8 +61,8 @@ class Masses:
                 near, far, _ = segment.ends[0]
                 raise SkeletonError(
                     f"The center of mass with {self.name} needs the segment {segment.name} ({', '.join(near)} to "
-                    f"{', '.join(far)}), but skeleton {skeleton.name} lacks its keypoints. Set "
-                    "subject.mass_table to none."
+                    f"{', '.join(far)}), but skeleton {skeleton.name} lacks its keypoints. Use a "
+                    "skeleton that has them, or set subject.mass_table to none."
                 )
 
 
