@@ -1,5 +1,6 @@
 """Gait cycles of each foot, from heel strike to heel strike, on a common scale from 0 to 100 %."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,8 +31,17 @@ class Cycle:
     n: np.ndarray
 
 
-def gait_cycles(paths: FootPaths, events: list[GaitEvent], levels: Levels) -> list[Cycle]:
-    """Return the heights of heel and toes above the level, and the flexion of the knee."""
+def gait_cycles(
+    paths: FootPaths, events: list[GaitEvent], levels: Levels, angles_deg: Mapping[str, np.ndarray]
+) -> list[Cycle]:
+    """Return the cycles of the heights of heel and toes above the level, of the flexion of the knee, and of angles.
+
+    Args:
+        paths: paths of the person.
+        events: heel strikes and toe-offs.
+        levels: levels on which feet rest.
+        angles_deg: joint angles by name, shape (frame, side).
+    """
     heights = levels.nearest_height(paths.feet_m)
     found = []
     for side, name in enumerate(SIDES):
@@ -39,6 +49,7 @@ def gait_cycles(paths: FootPaths, events: list[GaitEvent], levels: Levels) -> li
             "heel_height_m": heights[:, side, HEEL],
             "toe_height_m": heights[:, side, TOES],
             "knee_flexion_deg": paths.knee_deg[:, side],
+            **{f"{angle}_deg": values[:, side] for angle, values in angles_deg.items()},
         }
         strides = [(a.time_s, b.time_s) for a, b in strides_of(events) if a.side == side]
         for signal, values in signals.items():

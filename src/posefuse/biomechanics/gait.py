@@ -1,5 +1,6 @@
 """Analyze the contacts, gait and repetitions of one person."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,13 +38,19 @@ class Gait:
     cycles: list[Cycle]
 
 
-def analyze_person(paths: FootPaths) -> Gait:
-    """Analyze one person's contacts, gait and repetitions."""
+def analyze_person(paths: FootPaths, angles_deg: Mapping[str, np.ndarray] | None = None) -> Gait:
+    """Analyze one person's contacts, gait and repetitions.
+
+    Args:
+        paths: paths of the person.
+        angles_deg: joint angles by name, shape (frame, side), for the gait cycles.
+    """
     contact, intervals = timed_contact(paths)
     events = gait_events(paths, intervals)
     repetitions = find_repetitions(paths, intervals, events)
     parameters = gait_parameters(paths, events, contact.model.ground_m_s) + _repetition_parameters(repetitions)
-    return Gait(contact, intervals, events, repetitions, parameters, gait_cycles(paths, events, contact.model.levels))
+    cycles = gait_cycles(paths, events, contact.model.levels, angles_deg or {})
+    return Gait(contact, intervals, events, repetitions, parameters, cycles)
 
 
 def timed_contact(paths: FootPaths, model: ContactModel | None = None) -> tuple[Contact, list[list[list[Interval]]]]:

@@ -1,5 +1,6 @@
 """Joint angles of people over time, with standard deviations and the reasons why some are missing."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from enum import IntEnum
@@ -94,6 +95,23 @@ class JointAngles:
             if each[0] == name and convention in (None, each[1]):
                 return i
         raise ResultError(f"There is no joint angle {name!r}{f' ({convention})' if convention else ''}.")
+
+    def sides(self, convention: str) -> dict[str, tuple[int, int]]:
+        """Return the indices of the left and the right angle of one convention by their common name.
+
+        The name of an OpenSim coordinate ends in ``_l`` or ``_r``, and that of any other begins with ``left_`` or
+        ``right_``; angles of the trunk and the pelvis have the same index for both sides.
+        """
+        of = {name: i for i, name in enumerate(self.names) if self.conventions[i] == convention}
+        found: dict[str, tuple[int, int]] = {}
+        for name, i in of.items():
+            common = re.sub(r"^(left|right)_|_[lr]$", "", name)
+            left, right = (
+                next((of[each] for each in (f"{common}_{word[0]}", f"{word}_{common}") if each in of), -1)
+                for word in ("left", "right")
+            )
+            found[common] = (i, i) if name == common else (left, right)
+        return found
 
     def frames(self, start: int, stop: int) -> "JointAngles":
         """Return the frames ``start`` to ``stop``, in memory."""

@@ -9,7 +9,7 @@ from posefuse.arguments import checked
 from posefuse.biomechanics.foot_paths import SIDES, foot_paths, has_feet
 from posefuse.biomechanics.gait import Gait, analyze_person
 from posefuse.biomechanics.gait_parameters import mean_of
-from posefuse.model.joint_angles import WITHIN_95
+from posefuse.model.joint_angles import OPENSIM, WITHIN_95
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.track_events import Event
@@ -125,8 +125,20 @@ def analyze_gait(result: Reconstruction) -> GaitResult | None:
     layer, _ = result.best_layer(result.options.layer)
     assert result.rig.up is not None
     paths = foot_paths(result.windows(), layer, result.rig.up)
-    people = {person: analyze_person(each) for person, each in zip(result.person_ids, paths, strict=True)}
+    people = {
+        person: analyze_person(each, _angles_deg(result, p))
+        for p, (person, each) in enumerate(zip(result.person_ids, paths, strict=True))
+    }
     return GaitResult(layer, people, np.asarray(result.frame_numbers), times)
+
+
+def _angles_deg(result: Reconstruction, person: int) -> dict[str, np.ndarray]:
+    """Return the OpenSim coordinates of a person by name without the side, shape (frame, side); empty without any."""
+    angles = result.joint_angles
+    if angles is None:
+        return {}
+    degrees = np.asarray(angles.degrees[:, person])
+    return {name: degrees[:, list(sides)] for name, sides in angles.sides(OPENSIM).items() if min(sides) >= 0}
 
 
 def _line(person: str, gait: Gait) -> str:
