@@ -189,6 +189,6 @@ def _asymmetry(name: str, left: np.ndarray, right: np.ndarray) -> GaitParameter:
     return GaitParameter(f"{stem}_asymmetry_percent", "both", value, error * scale, n, value - half, value + half)
 
 
-def mean_of(parameters: Iterable[GaitParameter], name: str) -> GaitParameter | None:
-    """Return a parameter of both sides."""
-    return next((each for each in parameters if each.name == name and each.side == "both"), None)
+def mean_of(parameters: Iterable[GaitParameter], name: str, side: str = "both") -> GaitParameter | None:
+    """Return a parameter of one side or of both, or None without it."""
+    return next((each for each in parameters if each.name == name and each.side == side), None)

@@ -37,6 +37,7 @@ def plot(
 
     from posefuse.io.outputs import check_new_files, replacing_together
     from posefuse.io.results.open_result import open_result
+    from posefuse.pipeline.gait import analyze_gait
     from posefuse.report.plots.data import gather_plot_data
     from posefuse.report.plots.registry import draw_plot
 
@@ -44,7 +45,8 @@ def plot(
     if output.exists() and not output.is_dir():
         raise OptionsError(f"--output {output} is a file. Specify a folder.")
     check_new_files([output / f"{name}.{suffix}" for name in names for suffix in _SUFFIXES], overwrite=overwrite)
-    data = gather_plot_data(reconstruction, layer, keypoint, angle)
+    gait = analyze_gait(reconstruction) if "gait" in names else None
+    data = gather_plot_data(reconstruction, layer, keypoint, angle, None if gait is None else gait.people)
     figures = {name: draw_plot(name, data) for name in names}
     empty = [name for name, drawn in figures.items() if drawn is None]
     if figure and empty:

@@ -17,6 +17,7 @@ from posefuse.io.results.names import safe_names
 from posefuse.io.videos.reader import open_video
 from posefuse.io.videos.small_copy import RATE_HZ, SmallCopy, write_small_copy
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.pipeline.gait import analyze_gait
 from posefuse.progress import Progress, Silent
 from posefuse.report.html import render_report
 from posefuse.report.videos import PageVideo, PageVideos
@@ -81,7 +82,8 @@ def write_report(
             linked = [beside / f"{stem}.mp4" for stem in stems]
             named = [replace(v, link=f"{beside.name}/{p.name}") for v, p in zip(page.videos, linked, strict=True)]
             page = replace(page, videos=tuple(named))
-        text = render_report(result, truth_m, accuracy, progress, page)
+        gait = analyze_gait(result)
+        text = render_report(result, truth_m, accuracy, progress, page, None if gait is None else gait.people)
         for parent in {file.parent for file in linked}:
             parent.mkdir(parents=True, exist_ok=True)
         with replacing_together([path, *linked]) as temporary:

@@ -73,7 +73,8 @@ def write_outputs(result: Reconstruction, folder: Path, progress: Progress) -> W
         add_contact(path, gait.contact, gait.sliding, gait.layer)
     files, layer, unwritten = write_folder(result, folder, progress, tables, movements)
     figures, remarks = ([], []) if unwritten else write_figures(result, people_with_frames(result), folder, progress)
-    (folder / REPORT).write_text(render_report(result, progress=progress), "utf-8")
+    report = render_report(result, progress=progress, gait=None if gait is None else gait.people)
+    (folder / REPORT).write_text(report, "utf-8")
     lines = () if gait is None else gait.summary()
     return WrittenOutputs((*files, *figures, REPORT), layer, (*unwritten, *remarks), lines)
 

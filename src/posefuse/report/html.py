@@ -1,6 +1,6 @@
 """The report: one self-contained HTML file, byte-identical for the same result."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from plotly.offline import get_plotlyjs
 
+from posefuse.biomechanics.gait import Gait
 from posefuse.evaluation.accuracy import Accuracy
 from posefuse.evaluation.people import PeopleScores
 from posefuse.evaluation.visibility import count_misses
@@ -20,6 +21,7 @@ from posefuse.report.charts import chart_data
 from posefuse.report.heat_map import HeatMap, gather_heat_map, heat_map_data
 from posefuse.report.highlights import highlights_section
 from posefuse.report.left_right_swaps import swap_section, swap_timeline
+from posefuse.report.movement import movement_data, movement_section
 from posefuse.report.page import asset, document, safe_json, script
 from posefuse.report.people import people_section, summarize_people, track_timeline
 from posefuse.report.scene import display_stride, scene_data
@@ -28,7 +30,7 @@ from posefuse.report.summary import Summary, summarize
 from posefuse.report.summary_text import scene_note, summary_paragraphs
 from posefuse.report.videos import PageVideos, video_data, videos_sentence
 
-_SCRIPTS = ("scene.js", "projection.js", "player.js", "video.js", "heat_map.js", "time.js", "charts.js")
+_SCRIPTS = ("scene.js", "projection.js", "player.js", "video.js", "heat_map.js", "time.js", "movement.js", "charts.js")
 """Parts of one script, in this order."""
 _SIDES_HINT = '<span class="left">Left</span>, <span class="right">right</span>'
 _PEOPLE_HINT = "One color per person, names above their heads"
@@ -43,6 +45,7 @@ class PageData:
         accuracy: accuracy of the result, or None.
         progress: receives the progress.
         videos: videos to show beside the scene.
+        gait: contacts, gait and repetitions by person.
     """
 
     def __init__(
@@ -52,11 +55,13 @@ class PageData:
         accuracy: Accuracy | PeopleScores | None,
         progress: Progress,
         videos: PageVideos = PageVideos(),  # noqa: B008
+        gait: Mapping[str, Gait] | None = None,
     ) -> None:
         self.result = result
         self.truth_m = truth_m
         self.accuracy = accuracy
         self.videos = videos
+        self.gait = gait or {}
         self.layer: LayerName = result.best_layer(result.options.layer)[0]
         self.parts = _Ranges(result, progress)
 
@@ -135,6 +140,7 @@ SECTIONS = (
     Section("sides", lambda page: _PEOPLE_HINT if page.has_several_people else _SIDES_HINT),
     Section("videos", lambda page: escape(videos_sentence(page.videos.videos, page.videos.notes))),
     Section("accuracy", lambda page: tables.accuracy_table(page.accuracy)),
+    Section("movement", lambda page: movement_section(page.result, page.gait)),
     Section("layers", lambda page: tables.layer_section(page.result)),
     Section("people", _people),
     Section("cameras", lambda page: tables.camera_table(page.result, page.summary)),
@@ -154,6 +160,7 @@ CHARTS: dict[str, Callable[[PageData], Any]] = {
     "charts": lambda page: chart_data(page.result, page.summary),
     "heatMap": lambda page: heat_map_data(page.heat_map, page.result.frame_numbers),
     "series": lambda page: time_series_data(page.result, page.series),
+    "movement": lambda page: movement_data(page.result, page.gait, page.series),
     "swaps": lambda page: swap_timeline(page.parts, page.result.n_frames),
     "tracks": lambda page: track_timeline(page.result),
 }
@@ -166,6 +173,7 @@ def render_report(
     accuracy: Accuracy | PeopleScores | None = None,
     progress: Progress | None = None,
     videos: PageVideos = PageVideos(),  # noqa: B008
+    gait: Mapping[str, Gait] | None = None,
 ) -> str:
     """Return the report of a result as the text of an HTML file.
 
@@ -176,8 +184,9 @@ def render_report(
         accuracy: accuracy of the result compared with the ground truth.
         progress: receives the progress.
         videos: videos to show beside the scene.
+        gait: contacts, gait and repetitions by person.
     """
-    page = PageData(result, truth_m, accuracy, progress or Silent(), videos)
+    page = PageData(result, truth_m, accuracy, progress or Silent(), videos, gait)
     return document(
         "report.html",
         title=escape(f"posefuse: {len(result.person_ids)} x {result.skeleton.name}"),

@@ -29,6 +29,15 @@ def test_angles_are_found_by_name_and_convention():
         angles().index("knee_angle_l")
 
 
+def test_sides_pair_angles_of_one_convention():
+    names = ("pelvis_tilt", "knee_angle_r", "knee_angle_l", "knee_angle_r", "arm_flex_l", "left_elbow")
+    conventions = (OPENSIM, OPENSIM, OPENSIM, ISB, OPENSIM, OPENSIM)
+    angles = JointAngles(names, conventions, "solved", *[np.zeros((2, 1, 6))] * 3, np.zeros((2, 1, 3)))
+    expected = {"pelvis_tilt": (0, 0), "knee_angle": (2, 1), "arm_flex": (4, -1), "elbow": (5, -1)}
+    assert angles.sides(OPENSIM) == expected
+    assert angles.sides(ISB) == {"knee_angle": (-1, 3)}
+
+
 def test_shapes_must_agree():
     with pytest.raises(ResultError, match="pelvis_m"):
         JointAngles(("a",), (OPENSIM,), "solved", *[np.zeros((2, 1, 1))] * 3, np.zeros((3, 1, 3)))

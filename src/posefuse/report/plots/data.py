@@ -1,11 +1,12 @@
 """The numbers that figures of a result are drawn from."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from posefuse.biomechanics.gait import Gait
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.report.heat_map import HeatMap, gather_heat_map
@@ -30,6 +31,7 @@ class PlotData:
         angles: names of the joint angles of the angles figure; empty for the default choice.
         heat_map: errors and shares of detections by keypoint and camera.
         series: numbers of every frame.
+        gait: contacts, gait and repetitions by person.
     """
 
     result: Reconstruction
@@ -38,10 +40,15 @@ class PlotData:
     angles: tuple[str, ...]
     heat_map: HeatMap
     series: TimeSeries
+    gait: Mapping[str, Gait] = field(default_factory=dict)
 
 
 def gather_plot_data(
-    result: Reconstruction, layer: LayerName | None, keypoints: Sequence[str] = (), angles: Sequence[str] = ()
+    result: Reconstruction,
+    layer: LayerName | None,
+    keypoints: Sequence[str] = (),
+    angles: Sequence[str] = (),
+    gait: Mapping[str, Gait] | None = None,
 ) -> PlotData:
     """Gather the numbers that figures are drawn from.
 
@@ -50,6 +57,7 @@ def gather_plot_data(
         layer: the layer to draw, or None for the best one.
         keypoints: keypoints of the trajectories figure; by default the skeleton's first core keypoint.
         angles: joint angles of the angles figure; by default the eight with the largest range.
+        gait: contacts, gait and repetitions by person.
 
     Raises:
         ResultError: if the result has no such layer.
@@ -61,7 +69,7 @@ def gather_plot_data(
     chosen = tuple(keypoints) or (result.skeleton.keypoints[int(result.skeleton.core_indices[0])],)
     series = gather_series(result.chunks(), name, result.skeleton)
     heat_map = gather_heat_map(result.chunks(), name, result.n_frames)
-    return PlotData(result, name, chosen, tuple(angles), heat_map, series)
+    return PlotData(result, name, chosen, tuple(angles), heat_map, series, gait or {})
 
 
 def time_axis(result: Reconstruction) -> tuple[np.ndarray, str]:

@@ -98,10 +98,19 @@ PLOTS = (
     Plot(
         "angles",
         "Joint angles over time",
-        "The selected joint angles, or the eight with the largest range, with bands of one standard deviation.",
-        "a fitted articulated model",
-        "posefuse.report.plots.time_lines",
+        "The selected joint angles, or the eight with the largest range, left and right overlaid, with bands of one "
+        "standard deviation.",
+        "joint angles",
+        "posefuse.report.plots.angles",
         "plot_angles",
+    ),
+    Plot(
+        "gait",
+        "Gait cycles",
+        "Mean joint angles over the gait cycle, left and right overlaid, with bands of one standard deviation.",
+        "a person with heels and toes who walks or runs",
+        "posefuse.report.plots.gait",
+        "plot_gait",
     ),
 )
 """All figures, in the order in which they are listed and drawn."""

@@ -1,11 +1,10 @@
-"""Figures over time with one line per person: errors, bone lengths, trajectories and joint angles."""
+"""Figures over time with one line per person: errors, bone lengths and trajectories."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from posefuse.errors import OptionsError, choices, suggestion
 from posefuse.report.plots.data import MAX_PANELS, PAGE_WIDTH_IN, PERSON_COLORS, DrawFigure, PlotData, time_axis
 from posefuse.report.series import mean_per_interval
 
@@ -60,38 +59,6 @@ def plot_trajectories(data: PlotData) -> DrawFigure:
             panels.append((f"{name}, {'xyz'[axis]}, {data.result.unit}", points[:, :, i, axis]))
             bands.append(deviations[:, :, i, axis])
     return lambda: _draw_panels(data, panels, np.arange(data.result.n_frames), bands)
-
-
-def plot_angles(data: PlotData) -> DrawFigure | None:
-    """Draw joint angles with bands of one standard deviation.
-
-    Raises:
-        OptionsError: if ``data`` names an angle that the result does not have.
-    """
-    angles = data.result.joint_angles
-    if angles is None:
-        return None
-    names = angles.names
-    for name in data.angles:
-        if name not in names:
-            raise OptionsError(
-                f"`angle`: unknown angle {name!r}. {suggestion(name, names)} Available angles: {choices(names, 40)}."
-            )
-    degrees, deviations = np.asarray(angles.degrees[:]), np.asarray(angles.sd_deg[:])
-    first = [c == angles.conventions[0] for c in angles.conventions]
-    chosen = [names.index(name) for name in data.angles] or _most_mobile(degrees[:, :, first])
-    panels = [(f"{names[a]}, degrees", degrees[:, :, a]) for a in chosen]
-    bands = [deviations[:, :, a] for a in chosen]
-    return lambda: _draw_panels(data, panels, np.arange(data.result.n_frames), bands)
-
-
-def _most_mobile(degrees: np.ndarray) -> list[int]:
-    """Return the indices of the angles with the largest range between the 5th and 95th percentiles, ascending."""
-    ranges = []
-    for a in range(degrees.shape[2]):
-        finite = degrees[:, :, a][np.isfinite(degrees[:, :, a])]
-        ranges.append(float(np.subtract(*np.percentile(finite, (95, 5)))) if len(finite) else 0.0)
-    return sorted(np.argsort(-np.array(ranges), kind="stable")[:MAX_PANELS].tolist())
 
 
 def _draw_panels(
