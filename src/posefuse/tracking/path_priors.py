@@ -55,6 +55,9 @@ deviations of the body from its model outweigh them, and fitted poses are worse.
 _LASTING_SHARE = 0.2
 """Typical lasting offset between a joint of the body and the keypoint over the one that the noise model assumes."""
 
+_SLIDING_SHARE = 0.5
+"""The same for the offsets of keypoints that slide with the skin, by which they exceed those of humans."""
+
 
 @dataclass(frozen=True, eq=False)
 class BodyLengths:
@@ -254,8 +257,10 @@ def fit_path(smoothed: State, run: Run, priors: PathPriors, settings: TrackerSet
 
 def with_lasting_offsets(body: SmoothedBodies, settings: TrackerSettings) -> SmoothedBodies:
     """Return a fitted body with the uncertainty of the offsets between joints and keypoints, which no frame reduces."""
-    variance_m2 = (_LASTING_SHARE * settings.law.floor_m) ** 2 * np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
-    return replace(body, covariance_m2=body.covariance_m2 + variance_m2)
+    floor_m = settings.law.floor_m
+    human_m = floor_m / max(settings.tree.offset_factor, 1.0)
+    offset_m2 = (_LASTING_SHARE * human_m) ** 2 + _SLIDING_SHARE**2 * (floor_m**2 - human_m**2)
+    return replace(body, covariance_m2=body.covariance_m2 + offset_m2 * np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0]))
 
 
 def _without_covariance(state: State) -> State:
