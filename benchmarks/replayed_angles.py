@@ -18,6 +18,8 @@ from posefuse.biomechanics.body_scales import scale_basis, scale_factors
 from posefuse.biomechanics.isb_angles import successive_angles
 from posefuse.biomechanics.marker_model import MarkerModel, marker_model
 from posefuse.biomechanics.person_frames import about_y, model_world
+from posefuse.model.cameras import CameraRig
+from posefuse.model.detections import Detections
 from posefuse.model.joint_angles import OPENSIM, WITHIN_95, JointAngles
 from posefuse.model.options.options import Options
 from posefuse.pipeline.reconstruct import reconstruct
@@ -113,13 +115,19 @@ def _shift(curves: dict[str, np.ndarray], name: str, by: float) -> None:
     curves[name] = curves.get(name, np.zeros_like(some)) + by
 
 
-def estimate(data: Replay, cameras: int, seed: int, noise: Literal["measured", "rtmpose"] = "measured") -> JointAngles:
-    """Return the joint angles of a reconstruction from simulated detections."""
+def detect_replay(
+    data: Replay, cameras: int, seed: int, noise: Literal["measured", "rtmpose"] = "measured"
+) -> tuple[CameraRig, Detections]:
+    """Return cameras around the person, and simulated detections."""
     rig = build_rig("ring", cameras)
     skeleton = find_skeleton("halpe_26")
     points = np.repeat(data.points_m[:, None], cameras, axis=1)
     detector = DetectorOptions(noise=noise, swap_share=0.0)
-    detections = detect(rig, points, skeleton, RATE_HZ, detector, np.random.default_rng(seed))
+    return rig, detect(rig, points, skeleton, RATE_HZ, detector, np.random.default_rng(seed))
+
+
+def estimate(rig: CameraRig, detections: Detections) -> JointAngles:
+    """Return the joint angles of a reconstruction."""
     # Joint angles alone do not keep feet on the floor: those of replayed walks slide and drag.
     result = reconstruct(rig, detections, Options(contact="off"))
     assert result.joint_angles is not None
@@ -168,7 +176,7 @@ def main() -> None:
             runs = []
             for seed in range(given.people):
                 data = replay(motion, given.seconds, 100 + seed)
-                runs.append(errors(data, estimate(data, cameras, 200 + seed, given.noise)))
+                runs.append(errors(data, estimate(*detect_replay(data, cameras, 200 + seed, given.noise))))
             every += runs
             _print_row(cameras, motion, scores(runs))
         _print_row(cameras, "all", scores(every))
