@@ -23,6 +23,7 @@ from posefuse.io.motion_tables import read_joint_angles
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.joint_angles import OPENSIM, JointAngles
+from posefuse.pipeline.opensim import level_pelvis
 
 Errors = Mapping[str, np.ndarray]
 """Errors in degrees by angle, shape (frame,), NaN where missing."""
@@ -39,7 +40,7 @@ def peer_errors(data: Replay, rig: CameraRig, detections: Detections) -> Errors:
             camera.rename(camera.with_name(f"{camera.name}_json"))
         stature_m = np.nanmax(data.points_m[..., 2]) - np.nanmin(data.points_m[..., 2])
         run_peer("pose2sim_angles", project, "--rate", str(RATE_HZ), "--height", f"{stature_m:.3f}")
-        found = read_joint_angles(project / "angles.mot")
+        found = level_pelvis(read_joint_angles(project / "angles.mot"))
     time_s = np.arange(len(data.points_m)) / RATE_HZ
     out = {}
     for i, name in enumerate(found.angles):

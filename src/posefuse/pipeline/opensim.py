@@ -203,8 +203,8 @@ def _person(trial: _Trial, index: int, stem: Path, source: UserModel | None) -> 
     setup = stem.with_name(f"{stem.name}_ik.xml")
     write_setup(InverseKinematicsSetup(stem.name, span, weights, tasks), setup)
     rms = run_inverse_kinematics(setup)
-    found = _level(read_joint_angles(stem.with_name(f"{stem.name}.mot")))
-    comparison = compare_angles(found, _level(_series(person, seconds)))
+    found = level_pelvis(read_joint_angles(stem.with_name(f"{stem.name}.mot")))
+    comparison = compare_angles(found, level_pelvis(_series(person, seconds)))
     return OpenSimOutcome(
         trial.name, result.person_ids[index], len(found.time_s), rms, comparison, person.points_sd_deg, followed
     )
@@ -232,7 +232,7 @@ def _series(person: OpenSimPerson, seconds: np.ndarray) -> AngleSeries:
     return AngleSeries("posefuse", seconds, names, person.degrees[:, angles])
 
 
-def _level(series: AngleSeries) -> AngleSeries:
+def level_pelvis(series: AngleSeries) -> AngleSeries:
     """Return angles whose pelvis turns first about the vertical, so that tilt and list do not depend on the heading."""
     if not set(_PELVIS) <= set(series.angles):
         return series
