@@ -1,7 +1,7 @@
 """Compare joint angles with those of Pose2Sim's triangulation, filter and inverse kinematics on the same detections.
 
 ``python -m benchmarks.replayed_peers [--people 2] [--first 0] [--cameras 5,2] [--motions walk] [--noise rtmpose]``.
-Motions are those of :mod:`benchmarks.replayed_angles`. Pose2Sim gets the true stature, and has the options that it comes
+Motions are those of :mod:`benchmarks.replayed_angles`. Pose2Sim gets the true stature and has the options that it comes
 with, without the neural network that adds markers. The table has the mean absolute error of each group of angles, over
 the frames that both have.
 """
