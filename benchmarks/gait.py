@@ -189,7 +189,7 @@ def _parameter_errors(case: Case, gait: Gait) -> tuple[float, float]:
             along = places[2] - places[0]
             size = float(np.linalg.norm(along))
             lengths.append(float((places[2] - places[1]) @ along) / size if size > 0 else np.nan)
-    true_cadence = float(np.nanmean([60.0 / each if each > 0 else np.nan for each in times]))
+    true_cadence = 60.0 / float(np.mean(times))
     return step.value - float(np.nanmean(lengths)), cadence.value / true_cadence - 1.0
 
 

@@ -87,7 +87,6 @@ class _Steps:
         """Add the parameters of a step from the other foot's strike to this one."""
         duration = strike.time_s - before.time_s
         self.add("step_time_s", strike.side, duration)
-        self.add("cadence_steps_min", strike.side, 60.0 / duration)
         own = [each for each in self.strikes if each.side == strike.side and each.time_s < before.time_s]
         if own and own[-1].bout == strike.bout:
             length, width = _step(*(self.places_m[each] for each in (own[-1], before, strike)))
@@ -160,6 +159,8 @@ def _summaries(values: dict[tuple[str, str], list[float]]) -> list[GaitParameter
         sides = [np.array(values.get((name, side), [])) for side in SIDES]
         found += [summary(name, side, each) for side, each in zip(SIDES, sides, strict=True) if len(each)]
         found.append(summary(name, "both", np.concatenate(sides)))
+        if name == "step_time_s":
+            found += [_cadence(each) for each in found if each.name == name]
         if name in _SYMMETRIC and min(len(each) for each in sides) > 1:
             found.append(_asymmetry(name, *sides))
     return found
@@ -173,6 +174,15 @@ def summary(name: str, side: str, values: np.ndarray) -> GaitParameter:
     sd = float(values.std(ddof=1))
     half = float(student_t.ppf(0.975, n - 1)) * sd / np.sqrt(n)
     return GaitParameter(name, side, mean, sd, n, mean - half, mean + half)
+
+
+def _cadence(step_time: GaitParameter) -> GaitParameter:
+    """Return the steps per minute of a mean step time, so that errors of single strikes cancel."""
+    value = 60.0 / step_time.value
+    sd = value * step_time.sd / step_time.value
+    # Short steps are fast; the interval of few steps may contain a time of zero.
+    high = 60.0 / step_time.low95 if step_time.low95 > 0.0 else np.inf if step_time.n > 1 else np.nan
+    return GaitParameter("cadence_steps_min", step_time.side, value, sd, step_time.n, 60.0 / step_time.high95, high)
 
 
 def _asymmetry(name: str, left: np.ndarray, right: np.ndarray) -> GaitParameter:
