@@ -72,6 +72,8 @@ def center_of_mass(result: Reconstruction) -> CentersOfMass:
         if wanted == "auto" and result.unit == "m":
             default_table(result.options.subject.sex).check(result.skeleton)
             reason = f"the skeleton {result.skeleton.name} is not that of a human"
+            if not result.has_identities:
+                reason = "the frames are unrelated; name a table in `subject.mass_table`"
         raise SkeletonError(f"The result has no center of mass: {reason}.")
     parts = list(centers_of_mass(result, masses))
     whole = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _OVER_TIME}
@@ -92,7 +94,7 @@ def masses_of(result: Reconstruction) -> Masses | None:
         masses.check(skeleton)
         return masses
     masses = default_table(subject.sex)
-    return masses if is_human(skeleton) and masses.fits(skeleton) else None
+    return masses if is_human(skeleton) and masses.fits(skeleton) and result.has_identities else None
 
 
 def centers_of_mass(result: Reconstruction, masses: Masses) -> Iterator[CentersOfMass]:

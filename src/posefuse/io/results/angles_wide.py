@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
+from posefuse.biomechanics.marker_model import is_human
 from posefuse.errors import ResultError
 from posefuse.io.results import csv
-from posefuse.io.results.format import ResultFormat
+from posefuse.io.results.format import ResultFacts, ResultFormat
 from posefuse.model.joint_angles import AngleStatus, JointAngles
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
@@ -15,24 +16,38 @@ from posefuse.model.reconstruction import Reconstruction
 _DECIMALS = 3
 
 
+def require(facts: ResultFacts) -> None:
+    """Refuse results that cannot have joint angles.
+
+    Raises:
+        ResultError: if the points are not in meters, or the skeleton has no known angles.
+    """
+    facts.require_meters("A wide table of joint angles")
+    if facts.skeleton.tree is None and not is_human(facts.skeleton):
+        raise ResultError(
+            f"A wide table of joint angles needs a human skeleton or one with a body model, and {facts.skeleton.name} "
+            "has no joint angles."
+        )
+
+
 def write(result: Reconstruction, path: Path, layer: LayerName) -> None:
     """Write the joint angles of all people, in degrees; those of the result's default layer.
 
+    A result that was made without joint angles gives a table without rows.
+
     Raises:
-        ResultError: if the result has no joint angles.
+        ResultError: if the result cannot have joint angles.
     """
-    if result.joint_angles is None:
-        raise ResultError(
-            "A wide table of joint angles needs joint angles, and this result has none: it has no people over time, no "
-            "known angles of its skeleton, or was written without its folder. Reconstruct a human skeleton, or an "
-            "animal with a body model or solved points."
-        )
+    require(ResultFacts.of(result))
     csv.write_columns(_tables(result), path)
 
 
 def _tables(result: Reconstruction) -> Iterator[Mapping[str, np.ndarray]]:
     """Yield the columns of consecutive ranges of frames; frames without a person have no rows."""
     people = len(result.person_ids)
+    if result.joint_angles is None:
+        yield {title: np.empty(0) for title in ("frame", "time_s", "person")}
+        return
     for part in result.windows():
         angles = part.joint_angles
         assert angles is not None
@@ -61,5 +76,6 @@ FORMAT = ResultFormat(
     endings=(".csv",),
     name_words=("angles_wide",),
     write_layer=write,
+    require=require,
     additional_name="angles_wide.csv",
 )

@@ -30,7 +30,7 @@ class SubjectOptions:
 
     Attributes:
         mass_table: Table of segment masses for the center of mass in com.csv; "auto" uses de Leva's for the subject's
-            sex, or the mean of both, for human skeletons with all segments, and "none" writes no center of mass.
+            sex, or the mean of both, for people over time whose skeletons have all segments, and "none" writes none.
         static: Frames START:STOP of the recording in which people stand upright with straight legs, or the result of
             such a static trial; joint angles are zero in anatomical alignment as it shows it.
         mass_kg: Body mass of the subject, used in com.csv and segment_masses.csv, and in the scaling setup written for

@@ -1,6 +1,7 @@
 """The wide table of joint angles."""
 
 import csv
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from posefuse.errors import ResultError
 from posefuse.io.results.angles_wide import FORMAT
 from posefuse.model.joint_angles import ISB, OPENSIM, AngleStatus, JointAngles
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.skeleton.skeletons import parse_skeleton
 
 NAMES, CONVENTIONS = ("hip_flexion_r", "hip_flexion_r", "knee_angle_r"), (OPENSIM, ISB, OPENSIM)
 
@@ -25,7 +27,15 @@ def with_angles(result: Reconstruction) -> Reconstruction:
     status[0, 0, 2] = AngleStatus.NOT_OBSERVED
     degrees = np.where(status == AngleStatus.OK, degrees, np.nan)
     angles = JointAngles(NAMES, CONVENTIONS, "solved", degrees, degrees, status, np.zeros((*shape[:2], 3)))
-    return replace(result, joint_angles=angles)
+    return replace(with_tree(result), joint_angles=angles)
+
+
+def with_tree(result: Reconstruction) -> Reconstruction:
+    """Return a result whose skeleton has a body model, and so may have joint angles."""
+    own = result.skeleton
+    edges = json.dumps([list(edge) for edge in own.edges])
+    text = f'name = "own"\nkeypoints = {json.dumps(list(own.keypoints))}\nedges = {edges}\n[tree]\nsize_m = 1.0\n'
+    return replace(result, skeleton=parse_skeleton(text, "own.toml"))
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:
@@ -51,7 +61,12 @@ def test_a_row_has_all_angles_of_a_person_in_a_frame(pair_result, tmp_path):
     assert [float(rows[-1][title]) for title in list(rows[-1])[3:]] == last.tolist()
 
 
-def test_a_result_without_angles_is_refused(pair_result, tmp_path):
-    with pytest.raises(ResultError, match="needs joint angles"):
+def test_a_skeleton_without_angles_is_refused(pair_result, tmp_path):
+    with pytest.raises(ResultError, match="chain has no joint angles"):
         posefuse.write(pair_result, tmp_path / "a.csv", FORMAT.name)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_result_made_without_angles_gives_no_rows(pair_result, tmp_path):
+    posefuse.write(with_tree(pair_result), tmp_path / "a.csv", FORMAT.name)
+    assert (tmp_path / "a.csv").read_text("utf-8").strip() == "frame,time_s,person"
