@@ -15,7 +15,7 @@ from posefuse.io.videos.writer import add_h264_stream
 
 LONG_SIDE_PX = 640
 RATE_HZ = 30.0
-_ENCODER = {"crf": "29", "preset": "veryfast", "threads": "2", "g": "15", "bf": "0"}
+_ENCODER = {"crf": "29", "preset": "veryfast", "threads": "1", "g": "15", "bf": "0"}
 """A key frame every 15 images and no image that depends on later ones: seeking decodes few images."""
 _TICKS_HZ = 90_000
 
