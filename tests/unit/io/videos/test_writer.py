@@ -25,7 +25,7 @@ def pictures():
         yield image
 
 
-def write(path, waits_s=np.zeros(IMAGES)):  # noqa: B008
+def write(path, waits_s=np.zeros(IMAGES)):
     """Write a video, with a pause before each image, and return its bytes."""
     with write_video(path, SIZE_PX, RATE_HZ) as video:
         for i, image in enumerate(pictures()):
