@@ -152,7 +152,6 @@ TESTED_ELSEWHERE = {
     "unit/io/test_options.py": ("io/options_template.py",),
     "unit/io/test_recording.py": ("io/folder_locks.py",),
     "unit/io/test_timestamps.py": ("io/open_recording.py",),
-    "unit/io/videos/test_reader.py": ("io/videos/writer.py",),
     "unit/kernels/test_points.py": ("kernels/*.py",),
     "unit/left_right/pairs/test_registry.py": (
         "left_right/pairs/enumerated.py",

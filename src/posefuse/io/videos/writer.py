@@ -1,7 +1,7 @@
 """Writing of videos: H.264 in MP4, which every player supports.
 
-The same images give the same bytes with the same encoder: it has one thread, because with two the bytes depend on the
-load of the machine, and the file contains neither a date nor a program name.
+The encoder has one thread, because with two the bytes depend on the load of the machine, and the file contains neither
+a date nor a program name.
 """
 
 from collections.abc import Iterator, Mapping
