@@ -25,7 +25,7 @@ SHOWN = tuple(
 )
 SHARED = {
     "pelvis_tilt": (2.1, 2.9),
-    "lumbar_extension": (3.3, 2.7),
+    "lumbar_extension": (3.7, 2.9),
     "hip_rotation": (1.3, 2.0),
     "subtalar_angle": (2.6, 2.0),
 }

@@ -1,11 +1,12 @@
 """Coordinates of the anatomical model from a person's points, with covariances."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from posefuse.biomechanics.marker_model import MarkerModel
 from posefuse.biomechanics.person_frames import about_y, headings
+from posefuse.kernels.biomechanics.curvature import move_to_means
 from posefuse.kernels.biomechanics.inverse_kinematics import Prior, Work, solve_frames
 from posefuse.model.reconstruction import unpack_covariance
 
@@ -111,3 +112,15 @@ def solve(model: MarkerModel, person: PersonPoints, prior: Prior, first: np.ndar
     arguments = (person.points_m, person.information, person.usable)
     solve_frames(model.kernel_model, arguments, prior, start, model.anatomy.new_state(), Work.allocate(n), out)
     return Solution(*out)
+
+
+def posterior_means(model: MarkerModel, person: PersonPoints, solution: Solution) -> Solution:
+    """Return the means of the coordinates instead of their most probable values.
+
+    The covariance and the cost are those of the most probable values.
+    """
+    names = ("coordinates", "covariance", "rotations", "angular")
+    moved = replace(solution, **{name: getattr(solution, name).copy() for name in names})
+    frames, arrays = (person.points_m, person.information), tuple(getattr(moved, name) for name in names)
+    move_to_means(model.kernel_model, frames, model.anatomy.new_state(), arrays)
+    return moved

@@ -12,6 +12,7 @@ from posefuse.biomechanics.body_scales import scale_basis, scale_factors
 from posefuse.biomechanics.coordinate_priors import CoordinatePrior, moving_prior, upright_prior
 from posefuse.biomechanics.inverse_kinematics import PersonPoints, Solution, solve
 from posefuse.biomechanics.marker_model import MarkerModel
+from posefuse.kernels.biomechanics.curvature import bend_equations
 from posefuse.kernels.biomechanics.inverse_kinematics import Prior, parameter_equations
 
 _MOST_STEPS = 12
@@ -142,7 +143,23 @@ def _add_sample(fit: SubjectFit, basis: np.ndarray, sample: Sample, hessian: np.
     for t in np.flatnonzero(np.isfinite(solution.cost)):
         own, mixed, slope = _frame_equations(fit, basis, sample, solution.coordinates[t], int(t))
         hessian += sample.weight * (own - mixed.T @ solution.covariance[t] @ mixed)
-        gradient += sample.weight * slope
+        gradient += sample.weight * (slope - _mean_gradient(fit, basis, sample, solution, mixed, int(t)))
+
+
+def _mean_gradient(
+    fit: SubjectFit, basis: np.ndarray, sample: Sample, solution: Solution, mixed: np.ndarray, t: int
+) -> np.ndarray:
+    """Return the mean of a frame's reduced gradient at the true parameters.
+
+    It is not zero, because noisy markers move on arcs. The solution of the equations without it is biased (McCullagh
+    and Tibshirani 1990, J R Stat Soc B 52(2)).
+    """
+    model, coordinates, covariance = fit.model, solution.coordinates[t], solution.covariance[t]
+    frame = (sample.points.points_m[t], sample.points.information[t])
+    by_coordinate, by_parameter = np.zeros(len(coordinates)), np.zeros(mixed.shape[1])
+    out = (by_coordinate, by_parameter)
+    bend_equations(model.kernel_model, basis, frame, coordinates, covariance, model.anatomy.new_state(), out)
+    return by_parameter - mixed.T @ (covariance @ by_coordinate)
 
 
 def _frame_equations(

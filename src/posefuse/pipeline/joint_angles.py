@@ -7,7 +7,7 @@ import numpy as np
 
 from posefuse.arrays import ranges
 from posefuse.biomechanics.angle_definitions import AngleSet, angle_set, angles_of
-from posefuse.biomechanics.inverse_kinematics import PersonPoints, Solution, person_points, solve
+from posefuse.biomechanics.inverse_kinematics import PersonPoints, Solution, person_points, posterior_means, solve
 from posefuse.biomechanics.marker_model import MarkerModel, marker_model
 from posefuse.biomechanics.subject_fit import SubjectFit, systematic_covariance
 from posefuse.biomechanics.tables import keypoint_angles
@@ -103,7 +103,7 @@ class _People:
         """Return degrees, standard deviations, statuses and pelvis positions of one person."""
         fit = self.subjects.fits[p]
         person = person_points(fit.model, points_m, covariance_m2, self.subjects.verticals[p])
-        solution = solve(fit.model, person, fit.prior)
+        solution = posterior_means(fit.model, person, solve(fit.model, person, fit.prior))
         whole = replace(solution, covariance=solution.covariance + self._systematic(fit, person, solution))
         at = [fit.model.anatomy.coordinate_index(f"pelvis_t{axis}") for axis in "xyz"]
         pelvis = np.einsum("fij,fj->fi", person.world_from_person, solution.coordinates[:, at]) + person.origin_m

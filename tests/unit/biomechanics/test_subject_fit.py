@@ -90,3 +90,18 @@ def test_placements_are_mirror_images():
         for keypoint, each in by_name.items():
             twin = by_name[mirrored(keypoint)]
             assert np.allclose(np.multiply(each.place_m, [1, 1, -1]), twin.place_m), (name, keypoint)
+
+
+def test_noise_does_not_lengthen_limbs():
+    coordinates = gait(MODEL, 90)
+    zero = np.zeros((1, coordinates.shape[1]))
+
+    def leg_m(model) -> float:
+        found = model.anatomy.marker_positions(model.scales, zero, model.markers.bodies, model.markers.locations_m)[0]
+        hip, knee, ankle = (found[model.keypoints.index(f"left_{name}")] for name in ("hip", "knee", "ankle"))
+        return float(np.linalg.norm(knee - hip) + np.linalg.norm(ankle - knee))
+
+    fits = (fit_subject(MODEL, (moving_sample(points_of(MODEL, coordinates, 0.04, seed), 1.0),)) for seed in range(6))
+    excess_m = np.mean([leg_m(fit.model) for fit in fits]) - leg_m(MODEL)
+    # Without a correction, the legs are 7 mm too long.
+    assert abs(excess_m) < 0.0035

@@ -233,7 +233,7 @@ def solve_frames(model, frames, prior, first, state, work, out):
 
 
 @subroutine
-def _parameter_jacobian(model, state, coordinates, k, basis, by_scale, jacobian):
+def parameter_jacobian(model, state, coordinates, k, basis, by_scale, jacobian):
     """Write the derivatives of a marker with respect to scale parameters and to its own location, shape (3, s + 3)."""
     chain, scales, markers = model
     body = markers.bodies[k]
@@ -278,7 +278,7 @@ def parameter_equations(model, basis, frame, coordinates, state, out):
             continue
         place_marker(scales, state, markers.bodies[k], markers.locations_m[k], position_m)
         coordinate_jacobian(chain, state, markers.bodies[k], position_m, by_coordinate)
-        _parameter_jacobian(model, state, coordinates, k, basis, by_scale, own)
+        parameter_jacobian(model, state, coordinates, k, basis, by_scale, own)
         position_m -= points_m[k]
         _, weight = marker_weight(information[k], position_m[0], position_m[1], position_m[2])
         for p in range(n_scales + 3):
