@@ -2,8 +2,8 @@
 
 ``python -m benchmarks.replayed_angles [--people N] [--cameras 5,2] [--motions walk,squat] [--noise rtmpose]
 [--known-bodies]``. People have sizes, places of keypoints and habits sampled from their spread. The table has the mean
-absolute error and the share of the truth inside the 95 % intervals, by group of angles. With known bodies, the sizes and
-the places of keypoints are the true ones: what remains is due to the detections.
+absolute error and the share of the truth inside the 95 % intervals, by group of angles. With known bodies, sizes and
+places of keypoints are the true ones: what remains is due to the detections.
 """
 
 import argparse
@@ -145,8 +145,9 @@ def estimate_known_body(rig: CameraRig, detections: Detections, subject: MarkerM
     """Return the joint angles of a reconstruction, with the true model of the person."""
     result = reconstruct(rig, detections, Options(contact="off"))
     _, layer = result.best_layer()
-    assert result.joint_angles is not None and rig.up is not None
-    points = person_points(subject, layer.points_m[:, 0], layer.covariance_m2[:, 0], model_world(rig.up))
+    assert result.joint_angles is not None
+    assert rig.up is not None
+    points = person_points(subject, layer.points_m[:, 0], layer.covariance_m2[:, 0], model_world(np.array(rig.up)))
     prior = moving_prior()
     solution = solve(subject, points, prior.with_habits(np.zeros(len(prior.row_sd))))
     angles = angle_set(subject)

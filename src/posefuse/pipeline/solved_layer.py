@@ -18,6 +18,7 @@ from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.tracks import TrackState
 from posefuse.pipeline.foot_contact import FootContact, find_foot_contact
 from posefuse.pipeline.reprojection_errors import with_reprojection_errors
+from posefuse.pipeline.resting_feet import with_resting_feet
 from posefuse.postprocess.bones import Bones
 from posefuse.postprocess.points import Clock
 from posefuse.postprocess.steps import margin_s, postprocess
@@ -280,7 +281,16 @@ class LayerSolver:
         layer = window.part.layers["measured"]
         for step in self.steps:
             layer = step.apply(window, layer)
-        return _without_margin(window, with_true_statuses(layer))
+        return _without_margin(self._rest_feet(window, layer), with_true_statuses(layer))
+
+    def _rest_feet(self, window: FrameWindow, solved: Layer) -> FrameWindow:
+        """Return the window with fitted bodies whose feet rest where those of the solved layer do."""
+        part = window.part
+        for step in self.steps:
+            if isinstance(step, Trajectory) and step.contact is not None and part.poses is not None:
+                detections = step.detections.frames(window.first, window.first + part.n_frames)
+                part = with_resting_feet(part, solved, step.contact, step.rig, detections)
+        return replace(window, part=part)
 
     def restricted_to(self, window: FrameWindow) -> "tuple[LayerSolver, FrameWindow]":
         """Return a solver that holds the data of a window only, and the window by its frame indices.

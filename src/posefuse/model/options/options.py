@@ -79,7 +79,7 @@ class Options:
         solve: Solve per frame or over time: frame, trajectory or auto. "auto" solves all frames together for one
             subject or tracked people, two or more cameras, half a second or more, and the method "consensus".
         trajectory: Options of the trajectory solve.
-        contact: Keep feet that touch the ground from sliding and sinking in the trajectory solve: on or off.
+        contact: Keep feet that touch the ground from sliding and sinking in the trajectory solve and in fitted bodies: on or off.
         postprocess: Options of postprocessing.
         session_start: Date and time of the recording's time 0 with time zone, such as 2024-05-03T14:30:00+02:00, in
             NWB files.
