@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from posefuse.evaluation.people import score_people as score_people
     from posefuse.evaluation.self_consistency import self_consistency as self_consistency
     from posefuse.io.calibration.read import read_cameras as read_cameras
+    from posefuse.io.calibration.write import write_cameras as write_cameras
     from posefuse.io.checkpoints import CheckpointFolder as CheckpointFolder
     from posefuse.io.edits import read_edits as read_edits
     from posefuse.io.keypoints.read import read_detections as read_detections
@@ -168,6 +169,7 @@ _PUBLIC = {
     "evaluation.people": ("score_people", "ScoringOptions"),
     "evaluation.self_consistency": ("self_consistency",),
     "io.calibration.read": ("read_cameras",),
+    "io.calibration.write": ("write_cameras",),
     "io.checkpoints": ("CheckpointFolder",),
     "io.edits": ("read_edits",),
     "io.keypoints.read": ("read_detections",),

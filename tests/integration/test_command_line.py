@@ -26,7 +26,7 @@ OUTPUTS = [
 
 def test_reconstruct_writes_a_result_of_files(run, recording, tmp_path):
     out = tmp_path / "out"
-    code, output, _ = run("reconstruct", recording, "--output", out, "--solve", "trajectory")
+    code, output, _ = run("reconstruct", recording, "--output", out, "--solve", "trajectory", "--verbose")
     assert code == 0
     assert sorted(entry.name for entry in out.iterdir()) == OUTPUTS
     assert "30 frames at 30 Hz, 4 cameras, 26 keypoints" in output

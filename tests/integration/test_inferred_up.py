@@ -41,7 +41,7 @@ def plain(text: str) -> str:
 
 def test_every_output_labels_an_inferred_axis(run, hidden, tmp_path):
     out = tmp_path / "out"
-    code, output, _ = run("reconstruct", hidden, "-o", out, *FLAGS, "--also", "parquet")
+    code, output, _ = run("reconstruct", hidden, "-o", out, *FLAGS, "--also", "parquet", "--verbose")
     assert code == 0
     assert "note: Up is inferred from people as z: people are upright, and 4 of 4 cameras are level." in plain(output)
     result = posefuse.read_reconstruction(out / "reconstruction.nc")

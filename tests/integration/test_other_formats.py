@@ -10,7 +10,7 @@ from posefuse.errors import FileError, ResultError
 
 def test_other_formats_are_written_beside_a_result(run, recording, tmp_path, capsys):
     expected = ["parquet", "anipose", "deeplabcut", "sleap", "movement", "npz", "freemocap"]
-    code, out, _ = run("reconstruct", recording, "--output", tmp_path / "out", "--also", *expected)
+    code, out, _ = run("reconstruct", recording, "--output", tmp_path / "out", "--verbose", "--also", *expected)
     assert code == 0
     names = ["points.parquet", "anipose.csv", "points_dlc.h5", "points3d.h5", "movement.nc", "points.npz", "freemocap"]
     for name in names:

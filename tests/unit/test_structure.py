@@ -43,6 +43,8 @@ TESTED_ELSEWHERE = {
         "visualize/board_sheet.py",
     ),
     "integration/test_command_line.py": ("cli/*.py",),
+    "integration/test_doctor.py": ("diagnostics/installation.py",),
+    "integration/test_python_objects.py": ("pipeline/notebook.py",),
     "integration/test_compare_results.py": (
         "evaluation/result_differences.py",
         "pipeline/compare_angles.py",

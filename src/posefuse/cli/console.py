@@ -9,6 +9,7 @@ import re
 import textwrap
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 
 from rich.console import Console
 from rich.progress import (
@@ -29,6 +30,10 @@ from posefuse.errors import handle_warnings
 
 _WIDTH = 80
 _LABEL_WIDTH = 12
+_MOST_NOTE_LINES = 4
+
+
+_PERSON_ENDINGS = (".trc", ".c3d", ".mot", ".bvh", ".glb")
 
 
 class _Pipe(Console):
@@ -42,6 +47,20 @@ class _Pipe(Console):
 _LABEL = re.compile(r"\s*[a-z][a-z ]*: ")
 out = _Pipe(highlight=False, soft_wrap=False)
 err = _Pipe(stderr=True, highlight=False)
+
+
+@dataclass
+class _Detail:
+    """How much commands print.
+
+    Attributes:
+        verbose: whether everything is printed; otherwise notes are cut to a line and repeated ones are counted.
+    """
+
+    verbose: bool = False
+
+
+detail = _Detail()
 
 
 class _SpeedColumn(ProgressColumn):
@@ -131,6 +150,20 @@ def note(text: str) -> None:
     out.print(Text(_wrapped(as_flags(text), out.width)), soft_wrap=True)
 
 
+def notes(texts: Sequence[str]) -> None:
+    """Print notes; where they take many lines, only the beginnings of the first ones, except with ``--verbose``."""
+    wrapped = [_wrapped(as_flags(f"note: {text}"), out.width) for text in texts]
+    if detail.verbose or sum(text.count("\n") + 1 for text in wrapped) <= _MOST_NOTE_LINES:
+        for text in texts:
+            note(f"note: {text}")
+        return
+    shown = texts if len(texts) < _MOST_NOTE_LINES else texts[: _MOST_NOTE_LINES - 2]
+    for text in shown:
+        say(textwrap.shorten(f"note: {text}", min(out.width, _WIDTH), placeholder=" ..."))
+    more = "in full" if len(texts) == len(shown) else f"and {len(texts) - len(shown)} more"
+    say(f"note: {more} in the report and with --verbose")
+
+
 def labeled(label: str, text: str) -> None:
     """Print a sentence after a label of twelve columns; further lines begin below the sentence."""
     lines = textwrap.wrap(as_flags(text), out.width - _LABEL_WIDTH, break_long_words=False, break_on_hyphens=False) or [
@@ -190,13 +223,40 @@ def wrap_lines(text: str, indent: int) -> list[str]:
 
 
 def wrote(files: Sequence[str], folder: object, remark: str = "") -> None:
-    """Print the names of written files and their folder in lines of 80 columns; no name is broken."""
+    """Print the names of written files and their folder in lines of 80 columns; no name is broken.
+
+    Files of several people that differ in the name of the person are one word, such as ``2x.trc``, except with
+    ``--verbose``.
+    """
+    files = files if detail.verbose else _grouped(files)
     words = [f"{name}," for name in files[:-1]] + list(files[-1:])
     lines = textwrap.wrap(" ".join(["Wrote", *words]), _WIDTH, break_long_words=False, break_on_hyphens=False)
     place = f"to {folder}"
     lines = [*lines[:-1], f"{lines[-1]} {place}"] if len(lines[-1]) + len(place) < _WIDTH else [*lines, place]
     for line in [*lines, *([remark] if remark else [])]:
         say(line)
+
+
+def _grouped(files: Sequence[str]) -> list[str]:
+    """Return the names of files, with one word for several that have the same ending but that of a table."""
+    endings = [name[name.rfind(".") :] for name in files]
+    often = {end for end in endings if end in _PERSON_ENDINGS and endings.count(end) > 1}
+    words = [f"{endings.count(end)}x{end}" if end in often else name for name, end in zip(files, endings, strict=True)]
+    return list(dict.fromkeys(words))
+
+
+def print_time(seconds: float) -> None:
+    """Print how long a command took, on a terminal and if that is more than a second."""
+    if seconds > 1.0 and err.is_terminal:
+        err.print(Text(f"Total time: {format_duration(seconds)}", "dim"))
+
+
+def format_duration(seconds: float) -> str:
+    """Return a duration, such as ``7.3 s``, ``2 min 05 s`` or ``1 h 02 min``."""
+    if seconds < 60.0:
+        return f"{seconds:.1f} s"
+    minutes = round(seconds) // 60
+    return f"{minutes} min {round(seconds) % 60:02d} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
 
 
 def percent(share: float) -> str:

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from posefuse.cli.console import count, note, percent, say, table, warn
+from posefuse.cli.console import count, detail, note, notes, percent, say, table, warn
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 
 if TYPE_CHECKING:
     from posefuse.report.summary import Summary
 
+_MOST_ROWS, _MOST_EVENTS, _MOST_GAITS = 4, 2, 2
 _MAJOR_EVENTS = ("possible_identity_switch", "camera_rejected", "camera_silent")
 
 
@@ -50,16 +51,33 @@ def describe_result(result: Reconstruction) -> None:
         f"{count(result.n_frames, 'frame')}{rate}, {count(len(result.rig), 'camera')}, "
         f"{count(len(result.skeleton), 'keypoint')}"
     )
-    for layer in result.layers:
-        note(f"layer {layer}: {layer_origin(result, layer)}")
-    for remark in result.provenance.notes:
-        note(f"note: {remark}")
+    if detail.verbose:
+        for layer in result.layers:
+            note(f"layer {layer}: {layer_origin(result, layer)}")
+    notes(result.provenance.notes)
     for finding in result.findings:
         note(f"finding: {finding}")
     if result.unit == "px":
         note("note: one camera: coordinates are pixels in its image plane, not in the world; C3D cannot hold them.")
     _describe_points(result, name, summary)
     _describe_cameras(result, summary)
+
+
+def describe_gait(lines: Sequence[str]) -> None:
+    """Print the gait and repetitions of people: of the first ones, except with ``--verbose``."""
+    shown = lines if detail.verbose or len(lines) <= _MOST_GAITS else lines[: _MOST_GAITS - 1]
+    for line in shown:
+        note(f"gait: {line}")
+    if len(lines) > len(shown):
+        say(f"gait: and {count(len(lines) - len(shown), 'person').replace('persons', 'people')} (gait.csv, --verbose)")
+
+
+def describe_remarks(remarks: Sequence[str]) -> None:
+    """Print what the written formats cannot hold; only their number, except with ``--verbose``."""
+    if detail.verbose:
+        notes(remarks)
+    elif remarks:
+        say(f"{count(len(remarks), 'note')} on what the written formats cannot hold (--verbose)")
 
 
 def _describe_points(result: Reconstruction, layer: LayerName, summary: "Summary") -> None:
@@ -72,13 +90,18 @@ def _describe_points(result: Reconstruction, layer: LayerName, summary: "Summary
     scope = "" if len(result.person_ids) == 1 else f" of {people}"
     share = with_points / summary.n_points if summary.n_points else math.nan
     say(f"{percent(share)} of the points{scope} have coordinates (layer {layer})")
-    if with_points:
+    if with_points and detail.verbose:
         say(f"by source: {format_sources(summary.source_counts)}")
     if summary.error_px.count:
         say(f"reprojection error: median {summary.error_px.median:.2f} px, 90 % {summary.error_px.p90:.2f} px")
-    for code, n in summary.status_counts.items():
-        if not code.has_point:
+    missing = {code: n for code, n in summary.status_counts.items() if not code.has_point}
+    if detail.verbose:
+        for code, n in missing.items():
             say(f"missing: {count(n, 'point')}, {PointStatus(code).sentence}")
+    elif missing:
+        most = max(missing, key=missing.__getitem__)
+        mostly = "" if len(missing) == 1 else "mostly "
+        say(f"missing: {count(sum(missing.values()), 'point')}, {mostly}{PointStatus(most).sentence}")
     if not result.has_identities:
         say(people_per_frame(result))
     elif len(result.person_ids) != 1 or result.events:
@@ -97,7 +120,10 @@ def _describe_cameras(result: Reconstruction, summary: "Summary") -> None:
         numbers = [f"{value:.2f}" if np.isfinite(value) else "-" for value in (error.median, error.p90)]
         swaps = [] if swapped is None else [percent(summary.swapped_share(v))]
         rows.append([camera, percent(summary.used[v]) if summary.n_points else "-", *numbers, *swaps])
-    table(None, ["camera", "used", "median px", "90 % px", *([] if swapped is None else ["sides swapped"])], rows)
+    worst = np.argsort([-error.median if np.isfinite(error.median) else 0.0 for error in summary.error_px_by_view])
+    shown = _shown(rows, worst)
+    table(None, ["camera", "used", "median px", "90 % px", *([] if swapped is None else ["sides swapped"])], shown)
+    _say_rest(rows, shown, "camera", "with smaller errors")
 
 
 def _describe_people(result: Reconstruction, layer: LayerName) -> None:
@@ -112,9 +138,11 @@ def _describe_people(result: Reconstruction, layer: LayerName) -> None:
         warn("no person is left in any frame; there is no TRC or C3D to write.")
     if result.events:
         note(f"events: {format_event_counts(result.events)}")
-    for event in result.events:
-        if event.what in _MAJOR_EVENTS:
-            note(f"frame {event.number}: {event.person}: {event.what}: {event.why}")
+    major = [event for event in result.events if event.what in _MAJOR_EVENTS]
+    for event in major if detail.verbose else major[:_MOST_EVENTS]:
+        note(f"frame {event.number}: {event.person}: {event.what}: {event.why}")
+    if len(major) > _MOST_EVENTS and not detail.verbose:
+        say(f"and {count(len(major) - _MOST_EVENTS, 'event')} of these kinds (events.csv, --verbose)")
     people = summarize_people(result.chunks(), layer)
     if not people:
         return
@@ -126,4 +154,19 @@ def _describe_people(result: Reconstruction, layer: LayerName) -> None:
         numbers = [f"{value:.1f}" if np.isfinite(value) else "-" for value in (life.n_views, life.error_px)]
         rows.append([life.name, *presence_interval(result, life), *shares, *numbers])
     unit = "s" if timed else "frame"
-    table(None, ["person", f"from {unit}", f"to {unit}", "active", "lost", "cameras", "median px"], rows)
+    shown = _shown(rows, np.arange(len(rows)))
+    table(None, ["person", f"from {unit}", f"to {unit}", "active", "lost", "cameras", "median px"], shown)
+    _say_rest(rows, shown, "subject", "")
+
+
+def _shown(rows: list[list[str]], order: np.ndarray) -> list[list[str]]:
+    """Return the rows of a table that are printed: all, or the first ones of an order, in their own order."""
+    if detail.verbose or len(rows) <= _MOST_ROWS:
+        return rows
+    return [rows[i] for i in sorted(order[: _MOST_ROWS - 1])]
+
+
+def _say_rest(rows: list[list[str]], shown: list[list[str]], noun: str, which: str) -> None:
+    """Print how many rows a table does not show."""
+    if len(shown) < len(rows):
+        say(f"and {count(len(rows) - len(shown), noun)} {which}".rstrip() + " (--verbose)")

@@ -1,6 +1,7 @@
 """The command ``posefuse``; each command is imported when it is called, so that ``--help`` starts fast."""
 
 import sys
+import time
 from pathlib import Path
 from typing import Annotated
 
@@ -8,7 +9,7 @@ from cyclopts import App, CycloptsError, Parameter
 from cyclopts.config import Dict as DictConfig
 from rich.text import Text
 
-from posefuse.cli.console import err, print_problem, print_warnings
+from posefuse.cli.console import detail, err, print_problem, print_time, print_warnings
 from posefuse.cli.help import HelpFormatter
 from posefuse.errors import OptionsError, PosefuseError
 
@@ -62,6 +63,7 @@ COMMANDS = {
     "batch": "Reconstruct many recordings.",
     "opensim": "Scale an OpenSim model to each person and run inverse kinematics.",
     "plot": "Draw a result's figures as PNG and SVG.",
+    "doctor": "Check the installation, and what each command lacks.",
     "demo": "Simulate, reconstruct, evaluate and report.",
     "init": "Write a commented project file.",
     "methods": "List the triangulation methods.",
@@ -80,9 +82,11 @@ def launch(
     *tokens: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)],
     options: Annotated[Path | None, Parameter(help="TOML file of options (posefuse init); flags override it.")] = None,
     help_all: Annotated[bool, Parameter(negative="", help="Show every option.")] = False,
+    verbose: Annotated[bool, Parameter(negative="", help="Print every note, row and file name.")] = False,
 ) -> object:
     """Run a command, with options from a file if one is given."""
     _HELP.show_all = help_all
+    detail.verbose = verbose
     if help_all:
         tokens = (*tokens, "--help")
     app.config = ()
@@ -113,7 +117,8 @@ def main(arguments: list[str] | None = None) -> None:
     The exit code is 0 on success, 1 if the command fails with a message, 2 for a wrong call, 3 if a result is certainly
     wrong, and 130 after Ctrl-C.
     """
-    _HELP.show_all = False
+    _HELP.show_all = detail.verbose = False
+    start_s = time.monotonic()
     with print_warnings():
         try:
             app.meta(arguments, exit_on_error=False, print_error=False, result_action="return_value")
@@ -132,6 +137,7 @@ def main(arguments: list[str] | None = None) -> None:
             _fail(f"{named}{error.strerror or error}.", 1)
         except KeyboardInterrupt:
             _fail_interrupted(sys.argv[1:] if arguments is None else arguments)
+    print_time(time.monotonic() - start_s)
 
 
 def _fail_interrupted(tokens: list[str]) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, note, warn, wrote
-from posefuse.cli.describe_result import describe_result, layer_remark
+from posefuse.cli.describe_result import describe_gait, describe_remarks, describe_result, layer_remark
 from posefuse.cli.findings import AcceptFindings, exit_on_certain_faults
 from posefuse.cli.types import (
     Also,
@@ -102,10 +102,8 @@ def reconstruct(
         return
     result = outcome.open()
     describe_result(result)
-    for line in outcome.gait:
-        note(f"gait and repetitions: {line}")
-    for remark in outcome.remarks:
-        note(f"note: {remark}")
+    describe_gait(outcome.gait)
+    describe_remarks(outcome.remarks)
     wrote(outcome.files, output, layer_remark(outcome.files, outcome.layer, outputs.also))
     if outcome.partial:
         warn(outcome.partial)

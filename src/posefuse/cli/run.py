@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Group, Parameter
 
-from posefuse.cli.console import Bars, count, labeled, note, say, table, warn, wrote
-from posefuse.cli.describe_result import describe_result, layer_remark
+from posefuse.cli.console import Bars, count, labeled, notes, say, table, warn, wrote
+from posefuse.cli.describe_result import describe_gait, describe_remarks, describe_result, layer_remark
 from posefuse.cli.findings import AcceptFindings, exit_on_certain_faults
 from posefuse.cli.help import RECONSTRUCTION_GROUP
 from posefuse.cli.types import Also, Output
@@ -111,8 +111,7 @@ def _say_plan(plan: "RunPlan") -> None:
         labeled("views", f"{count(len(plan.views), what)}: {names}; {describe_views(plan.views)}")
     for stage in plan.stages:
         labeled(stage.name, stage.text + (f" -> {stage.output}" if stage.output else ""))
-    for text in plan.notes:
-        note(f"note: {text}")
+    notes(plan.notes)
 
 
 class _Stages:
@@ -204,6 +203,6 @@ class _Stages:
             return
         labeled("reconstruct", "")
         describe_result(made.open())
-        for remark in made.remarks:
-            note(f"note: {remark}")
+        describe_gait(made.gait)
+        describe_remarks(made.remarks)
         wrote(made.files, made.output, layer_remark(made.files, made.layer, self.behavior.also))

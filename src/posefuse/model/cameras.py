@@ -13,9 +13,11 @@ import numpy as np
 
 from posefuse.arguments import Shape, checked
 from posefuse.arrays import PickledByFields, frozen, same
+from posefuse.described import Described
 from posefuse.errors import CameraError, MatchError, choices, suggestion
 from posefuse.kernels.records import CameraArrays
 from posefuse.model.camera_covariance import CameraCovariance, RigCovariance, checked_correlation, joined
+from posefuse.model.descriptions import describe_rig, plot_rig
 from posefuse.model.lenses import N_COEFFICIENTS, LensModel, lens_from_opencv
 from posefuse.model.up_axis import UP_AXES, InferredUp, UpAxis, up_vector
 
@@ -183,8 +185,8 @@ class Camera(PickledByFields):
 
 
 @checked
-@dataclass(frozen=True)
-class CameraRig(PickledByFields):
+@dataclass(frozen=True, repr=False)
+class CameraRig(Described, PickledByFields):
     """The cameras of a recording and the world they share.
 
     Attributes:
@@ -216,6 +218,8 @@ class CameraRig(PickledByFields):
     covariances: tuple[CameraCovariance, ...] = field(default=(), compare=False)
     correlation: np.ndarray | None = field(default=None, compare=False)
     min_cameras: ClassVar[int] = 1
+
+    _description, plot = describe_rig, plot_rig
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cameras", tuple(self.cameras))

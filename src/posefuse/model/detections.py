@@ -9,7 +9,9 @@ import numpy as np
 
 from posefuse.arguments import Shape, checked
 from posefuse.arrays import ArraySource, check_shape, frozen, in_memory, ranges, same
+from posefuse.described import Described
 from posefuse.errors import DetectionsError, MatchError, choices, suggestion
+from posefuse.model.descriptions import describe_detections
 from posefuse.model.lazy_rows import chosen_rows
 from posefuse.skeleton.skeletons import Skeleton
 
@@ -18,8 +20,8 @@ CHUNK_FRAMES = 2048
 
 
 @checked
-@dataclass(frozen=True, eq=False)
-class Detections:
+@dataclass(frozen=True, eq=False, repr=False)
+class Detections(Described):
     """The detections of all views of a recording: one row per detection.
 
     Rows are ordered by frame, then view: those of frame f (index from 0) and view v are
@@ -60,6 +62,7 @@ class Detections:
     sigma_px: np.ndarray | None = None
     rate_hz: float | None = None
     notes: tuple[str, ...] = ()
+    _description = describe_detections
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "view_names", tuple(self.view_names))

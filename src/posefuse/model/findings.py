@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from posefuse.arguments import checked
+from posefuse.described import Described, Description, names
 
 
 class FindingKind(StrEnum):
@@ -59,8 +60,8 @@ CLOCK_FINDINGS = (
 
 
 @checked
-@dataclass(frozen=True)
-class Finding:
+@dataclass(frozen=True, repr=False)
+class Finding(Described):
     """One problem of a recording.
 
     Attributes:
@@ -86,6 +87,10 @@ class Finding:
     gain: float
     sentence: str
     remedy: str
+
+    def _description(self) -> Description:
+        rows = [("cameras", names(self.cameras) or "all"), ("what", self.sentence), ("remedy", self.remedy)]
+        return Description(f"Finding: {self.kind}, certainty {100.0 * self.certainty:.0f} %", tuple(rows))
 
     @property
     def is_certain(self) -> bool:

@@ -7,12 +7,14 @@ from typing import TypeVar
 import numpy as np
 
 from posefuse.arguments import checked
-from posefuse.arrays import ArrayRange, check_shape, frozen, ranges, same
+from posefuse.arrays import ArrayRange, check_shape, frozen, in_memory, ranges, same
+from posefuse.described import Described, Description, count, names
 from posefuse.errors import LayerError, ResultError, choices, suggestion
 from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES
 from posefuse.model.findings import Finding
+from posefuse.model.in_python import InPython
 from posefuse.model.joint_angles import JointAngles
 from posefuse.model.label_swaps import Swaps
 from posefuse.model.layer_scores import LayerScore, layer_of_scores
@@ -31,8 +33,8 @@ _DIAGONAL = (0, 3, 5)
 
 
 @checked
-@dataclass(frozen=True, eq=False)
-class Layer:
+@dataclass(frozen=True, eq=False, repr=False)
+class Layer(Described):
     """3D points of all people at one processing stage.
 
     Attributes:
@@ -69,6 +71,16 @@ class Layer:
             check_shape(ResultError, "Layer", name, getattr(self, name), **points)
         for name in ("view_status", "view_error_px"):
             check_shape(ResultError, "Layer", name, getattr(self, name), **points, view=view)
+
+    def _description(self) -> Description:
+        frame, person, keypoint, _ = self.points_m.shape
+        size = f"{count(frame, 'frame')}, {count(person, 'subject')}, {count(keypoint, 'keypoint')}"
+        rows: list[tuple[str, str]] = [("views", str(self.view_status.shape[-1]))]
+        if in_memory(self.points_m) and self.has_point.size:
+            sds = self.sd_m[self.has_point]
+            rows += [("with points", f"{100.0 * self.has_point.mean():.1f} %")]
+            rows += [("median sd", format_length(float(np.nanmedian(sds))))] if len(sds) else []
+        return Description(f"Layer: {size}", tuple(rows))
 
     def frames(self, start: int, stop: int) -> "Layer":
         """Return the frames from ``start`` to ``stop`` (excluded), in memory."""
@@ -145,8 +157,8 @@ class Provenance:
 
 
 @checked
-@dataclass(frozen=True, eq=False)
-class Reconstruction:
+@dataclass(frozen=True, eq=False, repr=False)
+class Reconstruction(Described, InPython):
     """3D people of a recording.
 
     Attributes:
@@ -223,6 +235,26 @@ class Reconstruction:
             raise ResultError(
                 f"The tracks have the people {self.tracks.person_ids}, but the result has {self.person_ids}."
             )
+
+    def _description(self) -> Description:
+        rate = f" at {self.rate_hz:g} Hz" if self.rate_hz else ""
+        default, _ = self.best_layer(self.options.layer)
+        title = (
+            f"Reconstruction: {count(self.n_frames, 'frame')}{rate}, {count(len(self.person_ids), 'subject')}, "
+            f"{count(len(self.skeleton), 'keypoint')}, {count(len(self.rig), 'camera')}"
+        )
+        listed = (f"{name} (default)" if name == default else name for name in self.layers)
+        rows = [
+            ("subjects", names(self.person_ids) or "none"),
+            ("skeleton", self.skeleton.name),
+            ("cameras", names(self.rig.names)),
+            ("layers", ", ".join(listed)),
+        ]
+        if self.joint_angles is not None:
+            angles = self.joint_angles
+            rows.append(("angles", f"{len(angles.names)} ({', '.join(dict.fromkeys(angles.conventions))})"))
+        rows.append(("findings", names([finding.kind for finding in self.findings]) or "none"))
+        return Description(title, tuple(rows))
 
     @property
     def n_frames(self) -> int:
@@ -338,6 +370,11 @@ def unpack_covariance(entries: np.ndarray) -> np.ndarray:
 def pack_covariance(matrices: np.ndarray) -> np.ndarray:
     """Return the entries xx xy xz yy yz zz, shape (..., 6), of covariance matrices, shape (..., 3, 3)."""
     return np.asarray(matrices)[..., [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
+
+
+def format_length(length_m: float) -> str:
+    """Return a length with three digits, in mm below 1 m."""
+    return f"{1000.0 * length_m:.3g} mm" if abs(length_m) < 1.0 else f"{length_m:.3g} m"
 
 
 _Record = TypeVar("_Record", Layer, Tracks, Swaps)

@@ -28,6 +28,8 @@ import numpy as np
 
 from posefuse.arguments import checked
 from posefuse.arrays import PickledByFields, frozen
+from posefuse.described import Described, Description, count
+from posefuse.described import names as listed
 from posefuse.errors import SkeletonError, choices, suggestion
 from posefuse.skeleton.parts import Part, parse_parts
 from posefuse.skeleton.tree_tables import parse_tree, shared_body
@@ -41,8 +43,8 @@ _KEYS = (
 
 
 @checked
-@dataclass(frozen=True)
-class Skeleton(PickledByFields):
+@dataclass(frozen=True, repr=False)
+class Skeleton(Described, PickledByFields):
     """Keypoint names and their relations.
 
     Attributes:
@@ -77,6 +79,11 @@ class Skeleton(PickledByFields):
     tree: Tree | None = field(default=None, compare=False)
     parts: tuple[Part, ...] = field(default=(), compare=False)
     rigid: tuple[tuple[str, str], ...] = ()
+
+    def _description(self) -> Description:
+        title = f"Skeleton {self.name}: {count(len(self), 'keypoint')}, {count(len(self.edges), 'edge')}"
+        rows = [("keypoints", listed(self.keypoints)), ("parts", listed([part.name for part in self.parts]))]
+        return Description(title, tuple(row for row in rows if row[1]))
 
     def __post_init__(self) -> None:
         repeated = sorted({name for name in self.keypoints if self.keypoints.count(name) > 1})

@@ -11,11 +11,40 @@ from posefuse.skeleton.skeletons import shipped_skeleton
 
 @pytest.mark.parametrize("folder", ["out", "a/" * 50])
 def test_file_names_are_not_broken(folder, capsys):
-    names = [f"person_{i}.trc" for i in range(1, 41)]
+    names = [f"person_{i}.csv" for i in range(1, 41)]
     console.wrote(names, folder, "That is all.")
     lines = capsys.readouterr().out.splitlines()
     assert all(len(line) <= 80 for line in lines if folder not in line or folder == "out")
     assert " ".join(lines) == f"Wrote {', '.join(names)} to {folder} That is all."
+
+
+def test_files_of_several_people_are_one_word(capsys, monkeypatch):
+    names = ["keypoints.csv", "a.trc", "a.mot", "b.trc", "b.mot", "report.html"]
+    console.wrote(names, "out")
+    assert capsys.readouterr().out == "Wrote keypoints.csv, 2x.trc, 2x.mot, report.html to out\n"
+    monkeypatch.setattr(console.detail, "verbose", True)
+    console.wrote(names, "out")
+    assert "a.trc, a.mot" in capsys.readouterr().out
+
+
+def test_many_notes_are_cut_except_with_verbose(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    texts = [f"Note {i} is a sentence of many words that does not fit on a line of eighty columns." for i in range(6)]
+    console.notes(texts[:2])
+    assert "..." not in capsys.readouterr().out
+    console.notes(texts)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 3
+    assert lines[0].endswith("...")
+    assert "and 4 more" in lines[-1]
+    monkeypatch.setattr(console.detail, "verbose", True)
+    console.notes(texts)
+    assert capsys.readouterr().out.count("columns.") == 6
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(7.26, "7.3 s"), (119.6, "2 min 00 s"), (3720.0, "1 h 02 min")])
+def test_durations(seconds, text):
+    assert console.format_duration(seconds) == text
 
 
 def test_sentences_are_wrapped_and_paths_are_not(capsys, monkeypatch):

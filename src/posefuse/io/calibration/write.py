@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from posefuse.arguments import checked
 from posefuse.errors import FileError, choices
 from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.calibration.read import find_format
@@ -23,6 +24,32 @@ def write_as(form: CalibrationFormat, rig: CameraRig, path: Path) -> None:
     if not path.name.endswith(endings):
         raise FileError(f"{path}: the name of a file in the format {form.name} must end in {choices(endings)}.")
     form.write(rig, path)
+
+
+@checked
+def write_cameras(rig: CameraRig, path: str | Path, form: str = "") -> None:
+    """Write calibrated cameras to a file.
+
+    Args:
+        rig: the cameras, in meters.
+        path: the file to write.
+        form: name of the format, such as ``anipose``, ``pose2sim`` or ``qualisys``; by default the first one whose
+            ending fits the name of the file.
+
+    Raises:
+        FileError: if there is no such format, the ending does not fit, or the format cannot represent the cameras.
+    """
+    path = Path(path)
+    able = CALIBRATIONS.written()
+    chosen = [each for each in able if (each.name == form if form else path.name.endswith(each.file_endings))]
+    if not chosen:
+        fitting = {each.name: choices(each.file_endings) for each in able}
+        raise FileError(
+            f"{path}: no format to write cameras {f'is named {form!r}' if form else 'has this ending'}. Formats: "
+            + "; ".join(f"{name} ({endings})" for name, endings in fitting.items())
+            + "."
+        )
+    write_as(chosen[0], rig, path)
 
 
 def check_name(path: Path, original: Path) -> None:

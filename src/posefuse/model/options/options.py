@@ -5,9 +5,11 @@ help that ``--help``, the file of ``posefuse init`` and ``docs/options.md`` show
 """
 
 import math
-from dataclasses import dataclass, field
-from typing import Literal
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any, Literal
 
+from posefuse.described import Described, Description
 from posefuse.errors import OptionsError, choices
 from posefuse.model.cameras import UpAxis
 from posefuse.model.options.alignment import AlignOptions
@@ -34,8 +36,8 @@ LayerName = Literal["measured", "solved", "model"]
 Solve = Literal["auto", "frame", "trajectory"]
 
 
-@dataclass(frozen=True)
-class Options:
+@dataclass(frozen=True, repr=False)
+class Options(Described):
     """All options of a reconstruction.
 
     Attributes:
@@ -43,7 +45,7 @@ class Options:
             counts people, and selects "stills" if frames are far apart.
         person: Names of the people to keep, such as person_1; all by default.
         bodies: Fit articulated models: auto, fit or none. "auto" fits them to several people, "fit" also to one.
-        pick: Person to use if a view shows several: largest or track-id. Without it, all people are kept, or with
+        pick: Person to use of several: largest or track-id. Without it, all people are kept, or with
             people = "one" the person who stays longest in the common volume of the cameras.
         skeleton: Keypoint set: a built-in name or a TOML file. By default it is inferred from the files.
         rate_hz: Frame rate, if the files do not state it.
@@ -79,7 +81,7 @@ class Options:
         solve: Solve per frame or over time: frame, trajectory or auto. "auto" solves all frames together for one
             subject or tracked people, two or more cameras, half a second or more, and the method "consensus".
         trajectory: Options of the trajectory solve.
-        contact: Keep feet that touch the ground from sliding and sinking in the trajectory solve and in fitted bodies: on or off.
+        contact: Keep feet from sliding and sinking in the trajectory solve and in fitted bodies: on or off.
         postprocess: Options of postprocessing.
         session_start: Date and time of the recording's time 0 with time zone, such as 2024-05-03T14:30:00+02:00, in
             NWB files.
@@ -127,6 +129,10 @@ class Options:
     align: AlignOptions = field(default_factory=AlignOptions)
     chunk_frames: int = option(2048, at_least=1)
 
+    def _description(self) -> Description:
+        changed = tuple((name, str(value)) for name, value in _changes(self, Options()))
+        return Description("Options: all defaults" if not changed else "Options: defaults, but", changed)
+
     def __post_init__(self) -> None:
         check_fields(self, "")
         if self.start_s is not None and self.end_s is not None and self.end_s <= self.start_s:
@@ -164,3 +170,14 @@ class Options:
             OptionsError: if an entry is not view=rate.
         """
         return named_numbers(self.view_rates_hz, "view_rates_hz", "view=rate", "cam_2=60")
+
+
+def _changes(value: Any, default: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the names of options that differ from their defaults, and their values."""
+    for each in fields(value):
+        own, usual = getattr(value, each.name), getattr(default, each.name)
+        path = f"{name}.{each.name}" if name else each.name
+        if is_dataclass(own) and type(own) is type(usual):
+            yield from _changes(own, usual, path)
+        elif own != usual:
+            yield path, own

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 import posefuse.model.options as model_options
 from posefuse.errors import OptionsError
+from posefuse.described import Description
 from posefuse.model.options.bounds import (
     Bounds,
     bounds_of,
@@ -39,7 +40,9 @@ def all_records() -> list[type]:
         value
         for module in (*modules, *OUTSIDE_MODEL)
         for value in vars(importlib.import_module(module)).values()
-        if isinstance(value, type) and dataclasses.is_dataclass(value) and value not in (Bounds, OptionEntry)
+        if isinstance(value, type)
+        and dataclasses.is_dataclass(value)
+        and value not in (Bounds, Description, OptionEntry)
     }
     return sorted(records, key=lambda record: record.__name__)
 

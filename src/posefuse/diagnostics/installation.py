@@ -1,0 +1,144 @@
+"""What is installed: versions, extras, machine, compiled kernels and detectors."""
+
+import importlib.metadata
+import os
+import platform
+import re
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from posefuse.detection.environments import environment_of
+from posefuse.detection.registry import detectors
+
+_CORE = ("numpy", "scipy", "numba", "llvmlite", "h5py")
+_REQUIREMENT = re.compile(r"""^([A-Za-z0-9._-]+).*;.*extra == ['"]([a-z]+)['"]""")
+
+
+@dataclass(frozen=True)
+class Extra:
+    """An optional set of packages.
+
+    Attributes:
+        name: name in ``pip install 'posefuse[name]'``.
+        missing: packages that are not installed.
+    """
+
+    name: str
+    missing: tuple[str, ...]
+
+    @property
+    def command(self) -> str:
+        """The command that installs it."""
+        return f"pip install 'posefuse[{self.name}]'"
+
+
+@dataclass(frozen=True)
+class DetectorState:
+    """A detector.
+
+    Attributes:
+        name: name of the detector.
+        state: installed, incomplete, outdated or not installed.
+        command: the command that installs it; empty if it is installed.
+    """
+
+    name: str
+    state: str
+    command: str
+
+
+@dataclass(frozen=True)
+class Installation:
+    """The installation of posefuse and its machine.
+
+    Attributes:
+        versions: version by package; those of posefuse and Python come first.
+        system: operating system and processor.
+        cores: number of logical cores that this process may use.
+        memory_gb: memory of the machine, or None where the system does not state it.
+        gpu: name of the program that shows an NVIDIA GPU, or empty. posefuse needs none; detectors use one.
+        cache: folder of the compiled kernels.
+        cache_mb: size of the compiled kernels; 0 before the first run.
+        is_cache_writable: whether kernels can be stored there. Otherwise each process compiles them again.
+        extras: optional packages.
+        detectors: detectors of keypoints in videos.
+    """
+
+    versions: Mapping[str, str]
+    system: str
+    cores: int
+    memory_gb: float | None
+    gpu: str
+    cache: str
+    cache_mb: float
+    is_cache_writable: bool
+    extras: tuple[Extra, ...]
+    detectors: tuple[DetectorState, ...]
+
+
+def examine_installation() -> Installation:
+    """Return what is installed, without loading any of it."""
+    versions = {"posefuse": importlib.metadata.version("posefuse"), "python": platform.python_version()}
+    versions |= {name: importlib.metadata.version(name) for name in _CORE}
+    cache = _cache_folder()
+    kernels = [path for pattern in ("*.nbc", "*.nbi") for path in cache.rglob(pattern)]
+    return Installation(
+        versions,
+        f"{platform.platform()}, {platform.machine()}",
+        _cores(),
+        _memory_gb(),
+        "nvidia-smi" if shutil.which("nvidia-smi") else "",
+        str(cache),
+        sum(path.stat().st_size for path in kernels) / 1e6,
+        os.access(cache, os.W_OK),
+        _extras(),
+        tuple(_detector_states()),
+    )
+
+
+def _cache_folder() -> Path:
+    """Return the folder of compiled kernels: ``NUMBA_CACHE_DIR``, or beside the code."""
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    return Path(chosen) if chosen else Path(__file__).parents[1]
+
+
+def _cores() -> int:
+    affinity = getattr(os, "sched_getaffinity", None)
+    return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
+
+
+def _memory_gb() -> float | None:
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
+    except (AttributeError, ValueError, OSError):
+        return None
+
+
+def _extras() -> tuple[Extra, ...]:
+    """Return the extras that the package declares."""
+    packages: dict[str, list[str]] = {}
+    for line in importlib.metadata.requires("posefuse") or ():
+        if match := _REQUIREMENT.match(line):
+            packages.setdefault(match[2], []).append(match[1])
+    return tuple(
+        Extra(name, tuple(package for package in sorted(packages[name]) if not _is_installed(package)))
+        for name in sorted(packages)
+    )
+
+
+def _is_installed(package: str) -> bool:
+    try:
+        importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return False
+    return True
+
+
+def _detector_states() -> list[DetectorState]:
+    states = [(record.name, environment_of(record).state) for record in detectors()]
+    return [
+        DetectorState(name, state, "" if state == "installed" else f"posefuse detector install {name}")
+        for name, state in states
+    ]
