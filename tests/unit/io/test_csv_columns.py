@@ -3,7 +3,7 @@
 import numpy as np
 import pyarrow.csv as arrow_csv
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from posefuse.errors import FileError
@@ -18,6 +18,7 @@ def file(tmp_path_factory):
     return tmp_path_factory.mktemp("csv") / "a.csv"
 
 
+@settings(deadline=None)  # the first call imports
 @given(values=NUMBERS)
 def test_numbers_are_exact_and_read_alike_by_others(file, values):
     write_csv([{"x": np.array(values), "n": np.arange(len(values))}], file)
