@@ -70,7 +70,9 @@ def help_texts() -> Iterator[tuple[str, str]]:
 def checked_files() -> list[Path]:
     """Return the files that the check covers."""
     paths = [path for top in CHECKED for path in ([ROOT / top] if (ROOT / top).is_file() else (ROOT / top).rglob("*"))]
-    names = {path: path.relative_to(ROOT) for path in paths if path.suffix in SUFFIXES}
+    names = {
+        path: path.relative_to(ROOT) for path in paths if path.suffix in SUFFIXES and not path.name.endswith(".min.js")
+    }
     # Environments of the peers in benchmarks/ hold other programs' files.
     return sorted(p for p, name in names.items() if name.as_posix() not in EXEMPT and ".venv" not in name.parts)
 

@@ -12,8 +12,9 @@ import pyarrow.parquet as pq
 import sleap_io
 from scipy.io import savemat
 
+from posefuse.io.arrow import arrow_table
 from posefuse.io.keypoints import detection_tables, native, replay, tidy
-from posefuse.io.keypoints.tidy_columns import table_of
+from posefuse.io.keypoints.tidy_columns import columns_of_detections
 from posefuse.io.pandas_tables import write_frame
 from posefuse.model.detections import Detections
 from tests.files import write_openpose
@@ -281,7 +282,7 @@ def tidy_table(detections: Detections, folder: Path) -> Path:
 def tidy_of_others(detections: Detections, folder: Path) -> Path:
     """Write parquet without metadata, rows in another order."""
     folder.mkdir(parents=True, exist_ok=True)
-    table = table_of(detections).drop_columns(["time_s"])
+    table = arrow_table(columns_of_detections(detections), coded_words=True).drop_columns(["time_s"])
     shuffled = table.take(np.random.default_rng(0).permutation(len(table)))
     pq.write_table(shuffled, folder / "others.parquet")
     return folder / "others.parquet"

@@ -45,6 +45,8 @@ def compare(
 ) -> None:
     """Triangulate a recording by several methods with otherwise equal options; write comparison.csv and a figure.
 
+    The figure requires pip install 'posefuse[plot]'.
+
     --triangulation.method is ignored; every other option applies to all methods.
 
     Two results of one recording are compared with each other: distances of points, joint angles, and the options that
@@ -62,7 +64,7 @@ def compare(
     from posefuse.io.results.comparable import pair_with_truth
     from posefuse.io.results.comparison import write
     from posefuse.pipeline.compare_methods import compare_methods
-    from posefuse.report.comparison import comparison_figure
+    from posefuse.report.matplotlib_extra import WITHOUT_FIGURES, has_matplotlib
 
     check_new_folder(output, overwrite=overwrite, marker=TABLE)
     if study.truth is not None:
@@ -76,11 +78,18 @@ def compare(
             opened.rig, opened.detections, chosen, options, truth_of=truth_of, timed=study.timing, progress=progress
         )
         write(found, staging / TABLE)
-        picture = comparison_figure(found)
-        (staging / PNG).write_bytes(picture.png)
-        (staging / SVG).write_bytes(picture.svg)
+        files = [TABLE]
+        if has_matplotlib():
+            from posefuse.report.comparison import comparison_figure
+
+            picture = comparison_figure(found)
+            (staging / PNG).write_bytes(picture.png)
+            (staging / SVG).write_bytes(picture.svg)
+            files += [PNG, SVG]
     show(found)
-    wrote([TABLE, PNG, SVG], output)
+    if len(files) == 1:
+        note(WITHOUT_FIGURES)
+    wrote(files, output)
 
 
 def _refuse_flags(study: MethodFlags, inputs: InputFlags) -> None:

@@ -23,7 +23,7 @@ def evaluate_angles(
     from posefuse.io.outputs import check_new_files, replacing_together
     from posefuse.io.results.open_result import result_file
     from posefuse.pipeline.compare_angles import compare_angle_files
-    from posefuse.report.angle_agreement import agreement_figure
+    from posefuse.report.matplotlib_extra import WITHOUT_FIGURES, has_matplotlib
 
     points = [str(file) for file in references if not is_motion_table(file)]
     if points:
@@ -35,17 +35,27 @@ def evaluate_angles(
     stems = [file.stem for file in references]
     if len(set(stems)) < len(stems):
         raise OptionsError(f"The references have equal names: {choices(sorted(stems))}. Rename one of the files.")
-    figures = [target.parent / _FIGURE.format(stem, suffix) for stem in stems for suffix in ("png", "svg")]
+    figures = [
+        target.parent / _FIGURE.format(stem, suffix)
+        for stem in stems
+        for suffix in (("png", "svg") if has_matplotlib() else ())
+    ]
     check_new_files([target, *figures], overwrite=overwrite, target="--json")
     compared = compare_angle_files(result, references, max_time_shift_s)
-    pictures = [agreement_figure(each) for each in compared]
-    contents = [content for picture in pictures for content in (picture.png, picture.svg)]
+    contents: list[bytes] = []
+    if figures:
+        from posefuse.report.angle_agreement import agreement_figure
+
+        pictures = [agreement_figure(each) for each in compared]
+        contents = [content for picture in pictures for content in (picture.png, picture.svg)]
     values = json.dumps([_numbers(each) for each in compared], indent=2, allow_nan=False) + "\n"
     with replacing_together([target, *figures]) as temporary:
         for path, content in zip(temporary, [values.encode(), *contents], strict=True):
             path.write_bytes(content)
     for each in compared:
         show_comparison(each)
+    if not figures:
+        note(WITHOUT_FIGURES)
     wrote([file.name for file in (target, *figures)], target.parent)
 
 

@@ -9,6 +9,7 @@ from posefuse.cli.console import note, wrote
 from posefuse.cli.types import Overwrite, Result
 from posefuse.errors import OptionsError, choices
 from posefuse.model.options.options import LayerName
+from posefuse.report.matplotlib_extra import require_matplotlib
 from posefuse.report.plots.registry import PLOT_NAMES, find_plot
 
 _SUFFIXES = ("png", "svg")
@@ -32,8 +33,12 @@ def plot(
     layer: Annotated[LayerName | None, Parameter(help="Layer to draw; by default the best one available.")] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Draw a result's figures as PNG and SVG, for papers and slides."""
+    """Draw a result's figures as PNG and SVG, for papers and slides.
+
+    Requires pip install 'posefuse[plot]'.
+    """
     names = chosen_figures(figure)
+    require_matplotlib()
 
     from posefuse.io.outputs import check_new_files, replacing_together
     from posefuse.io.results.open_result import open_result

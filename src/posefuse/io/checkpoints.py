@@ -21,6 +21,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, Self
 
+from backports import zstd
+
 from posefuse.arguments import checked
 from posefuse.errors import FileError
 
@@ -313,15 +315,14 @@ def _digest(head: Mapping[str, Any], packed: bytes) -> str:
 
 
 def _packed(content: bytes) -> bytes:
-    import pyarrow as pa
-
-    return pa.Codec("zstd", compression_level=1).compress(content, asbytes=True)
+    return zstd.compress(content, 1)
 
 
 def _unpacked(packed: bytes, size: int) -> bytes:
-    import pyarrow as pa
-
-    return pa.Codec("zstd").decompress(packed, decompressed_size=size, asbytes=True)
+    content = zstd.ZstdDecompressor().decompress(packed, max_length=size)
+    if len(content) != size:
+        raise ValueError(f"{len(content)} bytes instead of {size}")
+    return content
 
 
 class _Unpickler(pickle.Unpickler):

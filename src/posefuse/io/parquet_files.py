@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from posefuse.io.arrow import import_pyarrow
 from posefuse.io.files import check_unpacked_size, max_unpacked_bytes
 from posefuse.io.parquet_footer import row_groups
 
@@ -48,8 +49,7 @@ def _string_bytes(path: Path) -> list[int]:
 
     Strings are read as they are stored, a dictionary and indices into it.
     """
-    import pyarrow.parquet as pq
-
+    pq = import_pyarrow().parquet
     sizes = []
     with pq.ParquetFile(path) as plain:
         flat_names = plain.schema_arrow.names
@@ -67,12 +67,10 @@ def _string_bytes(path: Path) -> list[int]:
 
 def _expanded_bytes(chunk: Any) -> int:
     """Return the number of bytes that the strings of a column take when each row stores its own."""
-    import pyarrow as pa
-    import pyarrow.compute as compute
-
+    pa = import_pyarrow()
     if not pa.types.is_dictionary(chunk.type):
         return chunk.nbytes
-    lengths = compute.call_function("binary_length", [chunk.dictionary]).fill_null(0)
+    lengths = pa.compute.call_function("binary_length", [chunk.dictionary]).fill_null(0)
     if not len(lengths):
         return 0
     counts = chunk.indices.drop_null().value_counts()

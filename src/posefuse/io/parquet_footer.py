@@ -1,4 +1,4 @@
-"""Reader of the row-group sizes in the footer of a parquet file.
+"""Reader of the columns, row-group sizes and names of metadata in the footer of a parquet file.
 
 ``pyarrow`` is not used because reading a broken column description aborts the process instead of raising an error
 (``test_pyarrow_aborts_on_a_broken_column`` holds such a file). Format: https://parquet.apache.org/docs/file-format/metadata/
@@ -6,7 +6,7 @@ in Thrift's compact protocol.
 """
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,8 @@ _MAX_DEPTH = 32
 """Footers of valid files nest only a few levels deep."""
 
 # Field numbers of the Thrift definition.
-_ROW_GROUPS, _COLUMNS, _GROUP_BYTES, _COLUMN = 4, 1, 2, 3
+_SCHEMA, _ROW_GROUPS, _METADATA, _COLUMNS, _GROUP_BYTES, _COLUMN = 2, 4, 5, 1, 2, 3
+_ELEMENT_NAME, _CHILDREN, _CONVERTED_TYPE, _KEY = 4, 5, 6, 1
 _TYPE, _PATH, _VALUES, _UNCOMPRESSED = 1, 3, 5, 6
 
 
@@ -58,6 +59,43 @@ def row_groups(path: Path) -> tuple[RowGroup, ...]:
         ValueError: If the file is not parquet or its footer is broken.
     """
     return tuple(_group(group) for group in _structs(_CompactReader(_footer(path)).struct(), _ROW_GROUPS))
+
+
+def schema(path: Path) -> list[tuple[str, tuple[str, ...]]]:
+    """Return the name of every column, and the names of its fields if it is a struct.
+
+    Raises:
+        ValueError: If the file is not parquet or its footer is broken.
+    """
+    elements = iter(_structs(_CompactReader(_footer(path)).struct(), _SCHEMA))
+    return _children(elements, next(elements, {}), 0)
+
+
+def _children(
+    elements: Iterator[dict[int, Any]], parent: dict[int, Any], depth: int
+) -> list[tuple[str, tuple[str, ...]]]:
+    """Take the descendants of an element; return the name of each child, and the names of the fields of structs."""
+    found = []
+    for _ in range(parent.get(_CHILDREN, 0)):
+        element = next(elements, None)
+        if element is None or depth > _MAX_DEPTH:
+            raise ValueError("its schema is truncated")
+        inner = _children(elements, element, depth + 1)
+        # Lists and maps are groups as well, and have a converted type.
+        fields = () if _CONVERTED_TYPE in element else tuple(name for name, _ in inner)
+        found.append((_field(element, _ELEMENT_NAME, bytes).decode("utf-8"), fields))
+    return found
+
+
+def metadata_keys(path: Path) -> list[str]:
+    """Return the names of the metadata.
+
+    Raises:
+        ValueError: If the file is not parquet or its footer is broken.
+    """
+    fields = _CompactReader(_footer(path)).struct()
+    pairs = _structs(fields, _METADATA) if _METADATA in fields else []
+    return [_field(pair, _KEY, bytes).decode("utf-8") for pair in pairs]
 
 
 def _footer(path: Path) -> bytes:

@@ -28,7 +28,7 @@ from posefuse.pipeline.reconstruct import used_inputs, with_method
 from posefuse.pipeline.solved_layer import mean_times
 from posefuse.progress import Progress, report_ranges
 from posefuse.report.html import render_report
-from posefuse.report.percentile_filter import percentile_filter_figure
+from posefuse.report.matplotlib_extra import has_matplotlib
 from posefuse.triangulation.method import DebugFigure
 from posefuse.triangulation.registry import find_method
 
@@ -129,7 +129,9 @@ def write_other_formats(folder: Path, also: Sequence[str]) -> tuple[list[str], t
 
 
 def find_debug_figure(plan: Plan) -> DebugFigure | None:
-    """Return the figure that shows what the method did, or None if it has none for this recording."""
+    """Return the figure that shows what the method did; None without one for this recording, or without matplotlib."""
+    if not has_matplotlib():
+        return None
     triangulation = plan.options.triangulation
     figure = find_method(triangulation.method).debug_figure
     return figure if figure is not None and figure.applies(plan.rig, triangulation) else None
@@ -140,6 +142,8 @@ def write_debug_figures(plan: Plan, result: Reconstruction, folder: Path, progre
     figure = find_debug_figure(plan)
     if figure is None:
         return ()
+    from posefuse.report.percentile_filter import percentile_filter_figure
+
     before = error_profile(reconstruct_chunks(with_method(plan, "simple"), progress))
     picture = percentile_filter_figure(before, error_profile(result.chunks()), result)
     (folder / figure.path).parent.mkdir()

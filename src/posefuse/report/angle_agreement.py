@@ -5,7 +5,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from posefuse.evaluation.angle_agreement import AngleAgreement, AngleComparison
-from posefuse.report.rendering import BLUE, GRAY, ORANGE, RenderedFigure, render_figure
+from posefuse.report.matplotlib_extra import BLUE, ORANGE
+from posefuse.report.rendering import GRAY, RenderedFigure, render_figure
 
 _COLUMNS = 4
 _MAX_POINTS = 1500

@@ -8,8 +8,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from posefuse.evaluation.comparison import SHARES, Comparison, ErrorSpread, MethodNumbers
+from posefuse.report.matplotlib_extra import BLUE, ORANGE
 from posefuse.report.numbers import format_three_digits
-from posefuse.report.rendering import BLUE, GRAY, INK, ORANGE, PALE, RenderedFigure, remove_frame, render_figure
+from posefuse.report.rendering import GRAY, INK, PALE, RenderedFigure, remove_frame, render_figure
 
 _MAX_COLUMNS = 4
 _MISSING = "points missing, %"

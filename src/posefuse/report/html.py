@@ -7,7 +7,6 @@ from html import escape
 from typing import Any
 
 import numpy as np
-from plotly.offline import get_plotlyjs
 
 from posefuse.biomechanics.gait import Gait
 from posefuse.evaluation.accuracy import Accuracy
@@ -30,6 +29,8 @@ from posefuse.report.summary import Summary, summarize
 from posefuse.report.summary_text import scene_note, summary_paragraphs
 from posefuse.report.videos import PageVideos, video_data, videos_sentence
 
+PLOTLY = "plotly-cartesian.min.js"
+"""Charts of plotly.js: its distribution with scatter, bar and heatmap; plotly-cartesian.LICENSE."""
 _SCRIPTS = ("scene.js", "projection.js", "player.js", "video.js", "heat_map.js", "time.js", "movement.js", "charts.js")
 """Parts of one script, in this order."""
 _SIDES_HINT = '<span class="left">Left</span>, <span class="right">right</span>'
@@ -192,7 +193,7 @@ def render_report(
         title=escape(f"posefuse: {len(result.person_ids)} x {result.skeleton.name}"),
         css=("report.css",),
         scene=asset("scene.html"),
-        plotly=get_plotlyjs(),
+        plotly=asset(PLOTLY),
         script=script(_SCRIPTS, CHARTS),
         data=safe_json({name: data(page) for name, data in CHARTS.items()}),
         **{section.name: section.render(page) for section in SECTIONS},

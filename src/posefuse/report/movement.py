@@ -12,7 +12,7 @@ from posefuse.biomechanics.gait import Gait
 from posefuse.biomechanics.gait_parameters import GaitParameter, mean_of
 from posefuse.model.joint_angles import JointAngles
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.report.rendering import BLUE, ORANGE
+from posefuse.report.matplotlib_extra import BLUE, ORANGE
 from posefuse.report.series import TimeSeries, mean_per_interval
 
 SIDE_COLORS = {"left": BLUE, "right": ORANGE}

@@ -12,8 +12,9 @@ from matplotlib.figure import Figure
 
 from posefuse.evaluation.error_profile import ErrorProfile
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.report.matplotlib_extra import BLUE, ORANGE
 from posefuse.report.numbers import format_three_digits
-from posefuse.report.rendering import BLUE, GRAY, INK, ORANGE, PALE, RenderedFigure, render_figure
+from posefuse.report.rendering import GRAY, INK, PALE, RenderedFigure, render_figure
 
 _WIDTH_IN = 8.5
 

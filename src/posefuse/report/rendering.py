@@ -10,9 +10,6 @@ import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-# Colors of Okabe and Ito: distinguishable with color vision deficiency, and by lightness in print.
-BLUE = "#0072b2"
-ORANGE = "#d55e00"
 INK = "#222222"
 GRAY = "#888888"
 PALE = "#cfcfcf"

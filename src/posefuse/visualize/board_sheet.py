@@ -70,13 +70,17 @@ def write_board(board: Board, path: Path) -> None:
     """Draw a board as PDF or SVG in its true size, with its size written on it and a ruler to check the print.
 
     Raises:
-        FileError: if the name ends in neither .pdf nor .svg, or OpenCV is not installed.
+        FileError: if the name ends in neither .pdf nor .svg, or OpenCV or matplotlib is not installed.
     """
     if path.suffix.lower() not in ENDINGS:
         raise FileError(f"{path}: the name of a board must end in {choices(ENDINGS)}.")
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise FileError(
+            "Drawing boards needs matplotlib, which is not installed. Run: pip install 'posefuse[calibrate]'."
+        ) from None
     width, height = board.size_m
     page = np.array([width + 2 * _MARGIN_M, height + 3.5 * _MARGIN_M])
     figure = Figure(figsize=tuple(page / _METERS_PER_INCH))

@@ -44,7 +44,7 @@ def data_of(page: str) -> dict:
 
 def test_page_needs_no_network(result):
     page = render_report(result)
-    outside = page.replace(html.get_plotlyjs(), "")
+    outside = page.replace(html.asset(html.PLOTLY), "")
     assert not re.search(r"(src|href)\s*=", outside)
     assert "http" not in outside
     assert len(page) < 15e6
@@ -139,7 +139,7 @@ def test_names_from_files_are_escaped(result):
         replace(result, rig=replace(result.rig, cameras=cameras), provenance=Provenance(notes=(hostile,)))
     )
     assert hostile not in page
-    assert "<img" not in page.replace(html.get_plotlyjs(), "")
+    assert "<img" not in page.replace(html.asset(html.PLOTLY), "")
     assert data_of(page)["charts"]["views"][0] == hostile
 
 

@@ -11,9 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from posefuse.errors import FileError, choices
+from posefuse.io.arrow import import_pyarrow
 from posefuse.io.calibration.camera_records import LARGEST_BYTES, CameraRecord, build_rig
 from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.parquet_files import check_parquet
+from posefuse.io.parquet_footer import schema
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import LengthUnit
 
@@ -42,16 +44,9 @@ def matches(path: Path) -> bool:
 
 def _columns(path: Path) -> list[str]:
     """Return the names of the columns, and of the fields of columns that are structs."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
     try:
-        names = []
-        for field in pq.read_schema(path):
-            is_struct = pa.types.is_struct(field.type)
-            names += [inner.name for inner in field.type] if is_struct else [field.name]
-        return names
-    except Exception:  # a corrupt file can raise any exception
+        return [name for field, inner in schema(path) for name in (inner or [field])]
+    except (OSError, ValueError):
         return []
 
 
@@ -62,8 +57,7 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
         FileError: if the file does not conform to its format.
         CameraError: if a camera's parameters are invalid.
     """
-    import pyarrow.parquet as pq
-
+    pq = import_pyarrow().parquet
     try:
         check_parquet(path)
         rows: list[dict[str, Any]] = pq.read_table(path).to_pylist()

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from posefuse.errors import FileError
+from posefuse.io.arrow import import_pyarrow
 from posefuse.io.files import reading
 from posefuse.io.parquet_files import check_row_groups
 from posefuse.lazy_array import LazyArray
@@ -127,8 +128,7 @@ def _times(tables: Sequence[_Table], order: np.ndarray) -> np.ndarray | None:
 
 
 def _index_table(file: Path, name: str, views: list[str], columns: dict[str, str]) -> _Table:
-    import pyarrow.parquet as pq
-
+    pq = import_pyarrow().parquet
     length = columns.get("scores", columns["kps"])
     selected = [columns[kind] for kind in ("frame", "time", "camera") if kind in columns] + [length]
     parts: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
@@ -154,8 +154,7 @@ def _index_table(file: Path, name: str, views: list[str], columns: dict[str, str
 
 def _lengths(file: Path, column: Any) -> tuple[np.ndarray, int]:
     """Return the number of people in each row, and the number of keypoints per person."""
-    from pyarrow.compute import call_function
-
+    call_function = import_pyarrow().compute.call_function
     combined = column.combine_chunks()
     people = call_function("list_value_length", [combined]).fill_null(0).to_numpy(zero_copy_only=False)
     inner = call_function("list_value_length", [combined.flatten()])
@@ -218,8 +217,7 @@ class _PersonRows(LazyArray):
 
     def _groups(self, f: int, places: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
         """Yield the row groups that contain these people, each with the index of its first person."""
-        import pyarrow.parquet as pq
-
+        pq = import_pyarrow().parquet
         ends, file = self._index.group_ends[f], self._index.files[f]
         groups = np.unique(np.searchsorted(ends, places, side="right") - 1)
         with reading(file, "parquet table"), pq.ParquetFile(file) as content:

@@ -26,6 +26,7 @@ import numpy as np
 
 from posefuse.arrays import ranges
 from posefuse.errors import FileError, choices
+from posefuse.io.arrow import import_pyarrow
 from posefuse.io.files import checked_file_name, natural_key, reading, replacing_folder
 from posefuse.io.keypoints.columns import common_frames, rate_of_frames
 from posefuse.io.keypoints.detection_rows import Index, NumberRows, TrackRows, index_files, reordered
@@ -91,8 +92,7 @@ def read(path: Path, request: Request) -> Detections:
         FileError: If a file is truncated, or a row is invalid.
         SkeletonError: If the number of keypoints does not identify a skeleton.
     """
-    import pyarrow.parquet as pq
-
+    pq = import_pyarrow().parquet
     cameras = _cameras(path)
     files = [file for several in cameras.values() for file in several]
     if not files:
@@ -201,8 +201,7 @@ def write_pieces(pieces: Iterable[Detections], path: Path) -> None:
     Raises:
         FileError: If the folder contains other files, or the name of a view is not a valid file name.
     """
-    import pyarrow.parquet as pq
-
+    pq = import_pyarrow().parquet
     pieces = iter(pieces)
     first = next(pieces)
     files = [f"{checked_file_name(name)}.parquet" for name in first.view_names]
@@ -221,8 +220,7 @@ def write_pieces(pieces: Iterable[Detections], path: Path) -> None:
 
 def _table(detections: Detections, view: int) -> Any:
     """Return the rows of one view, one per recorded frame."""
-    import pyarrow as pa
-
+    pa = import_pyarrow()
     recorded = detections.recorded[:, view]
     people = detections.people_counts[recorded, view]
     starts = detections.offsets[:-1].reshape(detections.n_frames, detections.n_views)[recorded, view]

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from posefuse.errors import FileError
 from posefuse.io.netcdf import skeleton_from_text, skeleton_text
+from posefuse.io.parquet_footer import schema
 from posefuse.model.detections import Detections
 from posefuse.skeleton.skeletons import Skeleton
 
@@ -62,9 +63,7 @@ def read_metadata(path: Path, metadata: Mapping[bytes, bytes] | None) -> Recordi
 
 def column_names(path: Path) -> list[str]:
     """Return the column names of a file, or none if it cannot be read."""
-    import pyarrow.parquet as pq
-
     try:
-        return list(pq.ParquetFile(path).schema_arrow.names)
-    except Exception:  # a broken file can raise any exception
+        return [name for name, _ in schema(path)]
+    except (OSError, ValueError):
         return []

@@ -6,19 +6,25 @@ written by posefuse also contains the skeleton, the order of the views, the rate
 """
 
 from collections.abc import Callable
+from itertools import chain
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from posefuse.errors import FileError
-from posefuse.io.files import reading, replacing
+from posefuse.io.csv_columns import read_csv, write_csv
+from posefuse.io.files import replacing
 from posefuse.io.keypoints import tidy_parquet
 from posefuse.io.keypoints.columns import is_sparse
 from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.parquet_metadata import column_names
 from posefuse.io.keypoints.request import Request
-from posefuse.io.keypoints.tidy_columns import REQUIRED_COLUMNS, detections_of_table, table_of
+from posefuse.io.keypoints.tidy_columns import (
+    COLUMN_KINDS,
+    REQUIRED_COLUMNS,
+    columns_of_detections,
+    detections_of_columns,
+)
 from posefuse.model.detections import Detections
 from posefuse.skeleton.from_names import skeleton_named
 
@@ -45,22 +51,7 @@ def read(path: Path, request: Request) -> Detections:
     """
     if path.suffix == ".parquet":
         return tidy_parquet.read(path, request)
-    return detections_of_table(path, _read_csv(path), request)
-
-
-def _read_csv(path: Path) -> Any:
-    import pyarrow as pa
-    from pyarrow import csv
-
-    # Only empty cells are missing: a camera may be called NA.
-    kinds = {"camera": pa.string(), "keypoint": pa.string()}
-    options = csv.ConvertOptions(column_types=kinds, strings_can_be_null=True, null_values=[""])
-    parse = csv.ParseOptions(newlines_in_values=True)
-    with reading(path, "CSV table of keypoints"):
-        table = csv.read_csv(path, parse_options=parse, convert_options=options)
-        if len(set(table.column_names)) != len(table.column_names):
-            raise FileError(f"{path} has two columns with the same name.")
-        return table
+    return detections_of_columns(path, read_csv(path, **COLUMN_KINDS), request)
 
 
 def write(detections: Detections, path: Path) -> None:
@@ -77,14 +68,8 @@ def write(detections: Detections, path: Path) -> None:
 
 
 def _write_csv(detections: Detections, path: Path) -> None:
-    import pyarrow as pa
-    from pyarrow import csv
-
-    kinds = table_of(detections.frames(0, 0)).schema
-    plain = pa.schema([(f.name, pa.string() if pa.types.is_dictionary(f.type) else f.type) for f in kinds])
-    with path.open("wb") as file, csv.CSVWriter(file, plain) as writer:
-        for chunk in detections.chunks():
-            writer.write_table(table_of(chunk).cast(plain))
+    empty = detections.frames(0, 0)
+    write_csv((columns_of_detections(part) for part in chain([empty], detections.chunks())), path)
 
 
 def lost(detections: Detections, path: Path) -> tuple[str, ...]:

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from posefuse.errors import FileError, choices
+from posefuse.io.columns import Column, Columns, Words, n_rows, number_column
 from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
@@ -31,13 +32,15 @@ from posefuse.skeleton.skeletons import Skeleton
 
 REQUIRED_COLUMNS = ("camera", "frame", "keypoint", "x_px", "y_px")
 NUMBER_COLUMNS = ("x_px", "y_px", "confidence", "sigma_px", "depth")
+COLUMN_KINDS: dict[str, tuple[str, ...]] = {
+    "words": ("camera", "keypoint"),
+    "numbers": ("frame", "time_s", "person", "track", *NUMBER_COLUMNS),
+}
 _MAX_INTEGER = 2**40
 
 
-def table_of(detections: Detections) -> Any:
-    """Return detections as an Arrow table."""
-    import pyarrow as pa
-
+def columns_of_detections(detections: Detections) -> dict[str, Column]:
+    """Return detections as a table."""
     n_keypoints = len(detections.skeleton)
     people = detections.people_counts.ravel()
     without_people = (people == 0) & detections.recorded.ravel()
@@ -48,28 +51,20 @@ def table_of(detections: Detections) -> Any:
     row = np.where(empty, 0, detections.offsets[cell] + within // n_keypoints)
     frame, view = np.divmod(cell, detections.n_views)
 
-    def masked(values: Any, missing: np.ndarray, kind: Any) -> Any:
-        return pa.array(values, kind, mask=missing)
-
-    def flat(values: Any) -> Any:
+    def flat(values: Any) -> np.ndarray:
         column = np.full(len(cell), np.nan)
         column[~empty] = np.asarray(values, dtype=np.float64).ravel()
-        return masked(column, np.isnan(column), pa.float64())
+        return column
 
-    def named(codes: np.ndarray, missing: np.ndarray | None, names: Sequence[str]) -> Any:
-        indices = pa.array(codes.astype(np.int32), pa.int32(), mask=missing)
-        return pa.DictionaryArray.from_arrays(indices, pa.array(list(names), pa.string()))
-
-    times = detections.time_s.ravel()[cell]
     tracks = np.full(len(cell), -1)
     tracks[~empty] = np.asarray(detections.track_ids)[row[~empty]]
-    columns = {
-        "camera": named(view, None, detections.view_names),
-        "frame": pa.array(detections.frame_numbers[frame], pa.int64()),
-        "time_s": masked(times, np.isnan(times), pa.float64()),
-        "person": masked(within // n_keypoints, empty, pa.int64()),
-        "track": masked(tracks, tracks == -1, pa.int64()),
-        "keypoint": named(within % n_keypoints, empty, detections.skeleton.keypoints),
+    columns: dict[str, Column] = {
+        "camera": Words(view, detections.view_names),
+        "frame": np.asarray(detections.frame_numbers[frame], dtype=np.int64),
+        "time_s": np.asarray(detections.time_s, dtype=np.float64).ravel()[cell],
+        "person": np.ma.masked_array(within // n_keypoints, empty),
+        "track": np.ma.masked_array(tracks, tracks == -1),
+        "keypoint": Words(np.where(empty, -1, within % n_keypoints), detections.skeleton.keypoints),
         "x_px": flat(np.asarray(detections.keypoints_px)[..., 0]),
         "y_px": flat(np.asarray(detections.keypoints_px)[..., 1]),
         "confidence": flat(detections.confidence),
@@ -77,7 +72,7 @@ def table_of(detections: Detections) -> Any:
     for name in ("sigma_px", "depth"):
         if getattr(detections, name) is not None:
             columns[name] = flat(getattr(detections, name))
-    return pa.table(columns)
+    return columns
 
 
 @dataclass(frozen=True)
@@ -107,9 +102,9 @@ class _Lines:
     values: dict[str, np.ndarray]
 
 
-def detections_of_table(
+def detections_of_columns(
     path: Path,
-    table: Any,
+    table: Columns,
     request: Request,
     cameras: Sequence[str] | None = None,
     skeleton: Skeleton | None = None,
@@ -118,7 +113,7 @@ def detections_of_table(
 
     Args:
         path: The file, for messages.
-        table: Arrow table with at least ``REQUIRED_COLUMNS``.
+        table: Columns with at least ``REQUIRED_COLUMNS``.
         request: How to read the file.
         cameras: Names of the views in order, if stated by the file. Default: the sorted names of the table.
         skeleton: Skeleton stated by the file. Default: from the keypoint names.
@@ -132,10 +127,10 @@ def detections_of_table(
     return assemble(path, views, named, request.rate_hz)
 
 
-def _lines(path: Path, table: Any, cameras: Sequence[str] | None, skeleton: Skeleton | None) -> _Lines:
-    missing = [name for name in REQUIRED_COLUMNS if name not in table.column_names]
+def _lines(path: Path, table: Columns, cameras: Sequence[str] | None, skeleton: Skeleton | None) -> _Lines:
+    missing = [name for name in REQUIRED_COLUMNS if name not in table]
     if missing:
-        raise FileError(f"{path} has no column {choices(missing)}; it has {choices(table.column_names)}.")
+        raise FileError(f"{path} has no column {choices(missing)}; it has {choices(list(table))}.")
     camera, in_table = _coded(path, table, "camera")
     names = tuple(cameras) if cameras is not None else tuple(sorted(in_table))
     if not set(in_table) <= set(names):
@@ -148,8 +143,8 @@ def _lines(path: Path, table: Any, cameras: Sequence[str] | None, skeleton: Skel
             f"{path} has the keypoints {choices(unknown)}, which skeleton {skeleton.name} lacks. Omit `skeleton` to "
             "use the names of the file."
         )
-    person = _integers(path, table, "person") if "person" in table.column_names else None
-    track = _integers(path, table, "track") if "track" in table.column_names else np.full(len(table), -1)
+    person = _integers(path, table, "person") if "person" in table else None
+    track = _integers(path, table, "track") if "track" in table else np.full(n_rows(table), -1)
     if person is None:
         person = np.where(track >= 0, track, 0)
     views = np.array([names.index(name) for name in in_table] or [0])
@@ -159,39 +154,25 @@ def _lines(path: Path, table: Any, cameras: Sequence[str] | None, skeleton: Skel
         keypoints=order,
         camera=views[camera],
         frame=_integers(path, table, "frame", empty=False),
-        time_s=_numbers(path, table, "time_s") if "time_s" in table.column_names else np.full(len(table), np.nan),
+        time_s=number_column(table, "time_s") if "time_s" in table else np.full(n_rows(table), np.nan),
         person=person,
         track=track,
         keypoint=np.where(keypoint >= 0, columns[keypoint], -1),
-        values={name: _numbers(path, table, name) for name in NUMBER_COLUMNS if name in table.column_names},
+        values={name: number_column(table, name) for name in NUMBER_COLUMNS if name in table},
     )
 
 
-def _coded(path: Path, table: Any, name: str) -> tuple[np.ndarray, list[str]]:
+def _coded(path: Path, table: Columns, name: str) -> tuple[np.ndarray, tuple[str, ...]]:
     """Return a column of names as codes, -1 for empty cells, and the names in order of first occurrence."""
-    import pyarrow as pa
-
-    try:
-        column = table.column(name).cast(pa.string()).combine_chunks().dictionary_encode()
-    except (pa.ArrowInvalid, pa.ArrowNotImplementedError, pa.ArrowTypeError) as error:
-        raise FileError(f"{path}: the column {name} does not contain names: {error}.") from None
-    if name == "camera" and column.null_count:
-        raise FileError(f"{path}, row {int(np.flatnonzero(column.is_null())[0]) + 1}: the column camera is empty.")
-    codes = column.indices.fill_null(-1).to_numpy(zero_copy_only=False)
-    return codes.astype(np.int64), column.dictionary.to_pylist()
+    column = table[name]
+    assert isinstance(column, Words)
+    if name == "camera" and (column.codes < 0).any():
+        raise FileError(f"{path}, row {int(np.argmax(column.codes < 0)) + 1}: the column camera is empty.")
+    return column.codes, column.names
 
 
-def _numbers(path: Path, table: Any, name: str) -> np.ndarray:
-    import pyarrow as pa
-
-    try:
-        return table.column(name).cast(pa.float64()).to_numpy(zero_copy_only=False).astype(np.float64)
-    except (pa.ArrowInvalid, pa.ArrowNotImplementedError, pa.ArrowTypeError, ValueError, TypeError) as error:
-        raise FileError(f"{path}: the column {name} does not contain numbers: {error}.") from None
-
-
-def _integers(path: Path, table: Any, name: str, *, empty: bool = True) -> np.ndarray:
-    values = _numbers(path, table, name)
+def _integers(path: Path, table: Columns, name: str, *, empty: bool = True) -> np.ndarray:
+    values = number_column(table, name)
     missing = np.isnan(values)
     bad = (~missing & ((values != np.round(values)) | (np.abs(values) > _MAX_INTEGER))) | (missing & (not empty))
     if bad.any():

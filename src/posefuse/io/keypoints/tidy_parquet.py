@@ -10,11 +10,12 @@ import numpy as np
 
 from posefuse.arrays import ranges
 from posefuse.errors import FileError
+from posefuse.io.arrow import arrow_table, columns_of, import_pyarrow
 from posefuse.io.files import reading
 from posefuse.io.keypoints.columns import common_frames
 from posefuse.io.keypoints.parquet_metadata import RecordingMetadata, column_names, metadata_of, read_metadata
 from posefuse.io.keypoints.request import Request, apply_request
-from posefuse.io.keypoints.tidy_columns import detections_of_table, table_of
+from posefuse.io.keypoints.tidy_columns import COLUMN_KINDS, columns_of_detections, detections_of_columns
 from posefuse.io.parquet_files import check_parquet, check_row_groups
 from posefuse.lazy_array import LazyArray, as_array
 from posefuse.model.detections import Detections
@@ -37,15 +38,18 @@ def frames_per_group(n_frames: int, n_rows: int, n_keypoints: int) -> int:
 
 def write_parts(parts: Iterable[Detections], path: Path) -> None:
     """Write consecutive ranges of the frames of a recording, at least one, as one row group each."""
-    import pyarrow.parquet as pq
-
+    pq = import_pyarrow().parquet
     remaining = iter(parts)
     first = next(remaining)
-    schema = table_of(first.frames(0, 0)).schema.with_metadata(metadata_of(first))
+    schema = _table(first.frames(0, 0)).schema.with_metadata(metadata_of(first))
     with pq.ParquetWriter(path, schema, compression="zstd") as writer:
         for part in chain([first], remaining):
-            table = table_of(part).replace_schema_metadata(schema.metadata)
+            table = _table(part).replace_schema_metadata(schema.metadata)
             writer.write_table(table, row_group_size=max(len(table), 1))
+
+
+def _table(part: Detections) -> Any:
+    return arrow_table(columns_of_detections(part), coded_words=True)
 
 
 def read(path: Path, request: Request) -> Detections:
@@ -54,18 +58,18 @@ def read(path: Path, request: Request) -> Detections:
     Raises:
         FileError: If the file is truncated, or a column has invalid content.
     """
-    import pyarrow.parquet as pq
-
+    pq = import_pyarrow().parquet
     with reading(path, "parquet file"):
         recording = read_metadata(path, pq.read_schema(path).metadata)
         if recording is None:
             check_parquet(path)
-            return detections_of_table(path, pq.read_table(path), request)
+            return detections_of_columns(path, columns_of(path, pq.read_table(path), **COLUMN_KINDS), request)
         check_row_groups(path)
         index = _index(path, recording)
         if index is None:
             check_parquet(path)
-            detections = detections_of_table(path, pq.read_table(path), Request(), recording.views, recording.skeleton)
+            columns = columns_of(path, pq.read_table(path), **COLUMN_KINDS)
+            detections = detections_of_columns(path, columns, Request(), recording.views, recording.skeleton)
             return apply_request(detections, request, path)
         return apply_request(_stored(path, recording, index), request, path)
 
@@ -91,8 +95,7 @@ class _Index:
 
 def _index(path: Path, recording: RecordingMetadata) -> _Index | None:
     """Index the file one row group at a time. Returns None if its rows were reordered since posefuse wrote it."""
-    import pyarrow.parquet as pq
-
+    pq = import_pyarrow().parquet
     cells: list[tuple[np.ndarray, ...]] = []
     counts, last = [0], -1
     with pq.ParquetFile(path) as file:
@@ -135,11 +138,9 @@ def _cells_of_group(file: Any, group: int, recording: RecordingMetadata) -> tupl
 
 def _indices(column: Any, names: Sequence[str]) -> np.ndarray:
     """Return the index of each cell's name, -1 if it is none of the names."""
-    import pyarrow as pa
-    from pyarrow.compute import SetLookupOptions, call_function
-
-    options = SetLookupOptions(pa.array(list(names), pa.string()))
-    return call_function("index_in", [column.cast(pa.string())], options).fill_null(-1).to_numpy()
+    pa = import_pyarrow()
+    options = pa.compute.SetLookupOptions(pa.array(list(names), pa.string()))
+    return pa.compute.call_function("index_in", [column.cast(pa.string())], options).fill_null(-1).to_numpy()
 
 
 def _stored(path: Path, recording: RecordingMetadata, index: _Index) -> Detections:
@@ -187,8 +188,7 @@ class _StoredColumns(LazyArray):
         return np.concatenate(list(self._parts(start, stop)))
 
     def _parts(self, start: int, stop: int) -> Iterator[np.ndarray]:
-        import pyarrow.parquet as pq
-
+        pq = import_pyarrow().parquet
         first = int(np.searchsorted(self._ends, start, side="right")) - 1
         with reading(self._path, "parquet file"), pq.ParquetFile(self._path) as file:
             for group in range(first, len(self._ends) - 1):

@@ -7,7 +7,7 @@ import numpy as np
 
 from posefuse.biomechanics.marker_model import is_human
 from posefuse.errors import ResultError
-from posefuse.io.results import csv
+from posefuse.io.csv_columns import write_csv
 from posefuse.io.results.format import ResultFacts, ResultFormat
 from posefuse.model.joint_angles import AngleStatus, JointAngles
 from posefuse.model.options.options import LayerName
@@ -39,7 +39,7 @@ def write(result: Reconstruction, path: Path, layer: LayerName) -> None:
         ResultError: if the result cannot have joint angles.
     """
     require(ResultFacts.of(result))
-    csv.write_columns(_tables(result), path)
+    write_csv(_tables(result), path)
 
 
 def _tables(result: Reconstruction) -> Iterator[Mapping[str, np.ndarray]]:

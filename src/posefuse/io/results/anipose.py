@@ -10,11 +10,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 
 from posefuse.errors import FileError, choices
+from posefuse.io.columns import Columns, n_rows, number_column
+from posefuse.io.csv_columns import header, read_csv, write_csv
 from posefuse.io.files import must_exist, reading
-from posefuse.io.results import csv, tables
+from posefuse.io.results import tables
 from posefuse.io.results.format import ResultFacts, ResultFormat
 from posefuse.io.results.rows import blocks, rows_of
 from posefuse.model.options.options import LayerName
@@ -34,7 +35,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> 
     """
     require(ResultFacts.of(result))
     rows, _ = rows_of(result, "anipose")
-    csv.write_plain(_tables(result, result.person_ids.index(person), layer, rows), path)
+    write_csv(_tables(result, result.person_ids.index(person), layer, rows), path, quoted_header=False)
 
 
 def require(facts: ResultFacts) -> None:
@@ -84,7 +85,7 @@ def _to_calibration(result: Reconstruction) -> list[float]:
 
 def matches(path: Path) -> bool:
     """Return whether a file is in this format."""
-    return {"fnum", *_TRANSFORM} <= set(tables.header(path))
+    return {"fnum", *_TRANSFORM} <= set(header(path))
 
 
 def read(path: Path) -> StoredPoints:
@@ -94,7 +95,7 @@ def read(path: Path) -> StoredPoints:
         FileError: if it is not such a file, or is truncated.
     """
     must_exist(path, "Anipose 3D CSV file")
-    names = tables.header(path)
+    names = header(path)
     keypoints = [
         name[:-2] for name in names if name.endswith("_x") and {f"{name[:-2]}_y", f"{name[:-2]}_z"} <= {*names}
     ]
@@ -103,27 +104,27 @@ def read(path: Path) -> StoredPoints:
             f"{path} is not an Anipose 3D CSV file: it lacks <bodypart>_x, _y, _z or fnum; its columns are "
             f"{choices(names)}."
         )
-    table = tables.read_csv(path, dict.fromkeys(names, pa.float64()))
+    table = read_csv(path, words=(), numbers=names)
     with reading(path, "Anipose 3D CSV file"):
         return _points(path, table, tuple(keypoints))
 
 
-def _points(path: Path, table: pa.Table, keypoints: tuple[str, ...]) -> StoredPoints:
+def _points(path: Path, table: Columns, keypoints: tuple[str, ...]) -> StoredPoints:
     def stack(*kinds: str) -> np.ndarray | None:
         """Return columns as an array of shape (frame, 1, keypoint, kind)."""
         names = [f"{keypoint}_{kind}" for keypoint in keypoints for kind in kinds]
-        if not set(names) <= set(table.column_names):
+        if not set(names) <= set(table):
             return None
-        values = np.stack([tables.numbers(table[name]) for name in names], axis=-1)
-        return values.reshape(len(table), 1, len(keypoints), len(kinds))
+        values = np.stack([number_column(table, name) for name in names], axis=-1)
+        return values.reshape(n_rows(table), 1, len(keypoints), len(kinds))
 
     points, errors, used = stack("x", "y", "z"), stack("error"), stack("ncams")
     assert points is not None
     return StoredPoints(
         keypoints=keypoints,
         person_ids=(path.stem,),
-        frame_numbers=tables.increasing(tables.whole(tables.numbers(table["fnum"]), path, "fnum"), path),
-        time_s=np.full(len(table), np.nan),
+        frame_numbers=tables.increasing(tables.whole(number_column(table, "fnum"), path, "fnum"), path),
+        time_s=np.full(n_rows(table), np.nan),
         points_m=points,
         n_views=None if used is None else tables.counts(used[..., 0], path),
         reprojection_error_px=None if errors is None else errors[..., 0],

@@ -22,8 +22,8 @@ import numpy as np
 
 from posefuse.arrays import ArraySource
 from posefuse.errors import FileError
+from posefuse.io.csv_columns import write_csv
 from posefuse.io.files import must_exist, read_text, reading, replacing_folder
-from posefuse.io.results import csv
 from posefuse.io.results.format import ResultFacts, ResultFormat
 from posefuse.io.results.names import safe_names
 from posefuse.io.results.rows import blocks, rows_of
@@ -90,7 +90,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> 
                 {f"{title}_{axis}": block[:, k, i] for k, title in enumerate(titles) for i, axis in enumerate("xyz")}
                 for block in blocks(selected, row_indices)
             )
-            csv.write_plain(tables, staging / _FOLDER / name)
+            write_csv(tables, staging / _FOLDER / name, quoted_header=False)
         (staging / _FOLDER / HEAD).write_text(description_of(result, person, layer), "utf-8")
 
 

@@ -12,16 +12,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-from pyarrow import parquet
 
 from posefuse.errors import FileError
+from posefuse.io.arrow import arrow_table, columns_of, import_pyarrow
+from posefuse.io.columns import Words
 from posefuse.io.files import must_exist, reading, replacing
 from posefuse.io.netcdf import skeleton_text
 from posefuse.io.options import options_to_toml
 from posefuse.io.parquet_files import check_parquet
-from posefuse.io.results import csv, tables, tidy
-from posefuse.io.results.format import ResultFormat
+from posefuse.io.parquet_footer import metadata_keys
+from posefuse.io.results import csv, tidy
+from posefuse.io.results.format import ResultFacts, ResultFormat
 from posefuse.io.results.labels import VIEW_STATUSES, codes_of
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import COVARIANCE_ENTRIES, Reconstruction
@@ -34,11 +35,21 @@ _VERSION = 1
 
 def write(result: Reconstruction, path: Path, layer: LayerName, progress: Progress | None = None) -> None:
     """Write one layer of all people."""
+    parquet = import_pyarrow().parquet
     schema = _table(result.frames(0, 0), layer).schema.with_metadata(_metadata(result, layer))
     parts = report_ranges(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent())
     with replacing(path) as temporary, parquet.ParquetWriter(temporary, schema, compression="zstd") as file:
         for part in parts:
             file.write_table(_table(part, layer).replace_schema_metadata(schema.metadata))
+
+
+def require(_: ResultFacts) -> None:
+    """Refuse to write any result without pyarrow.
+
+    Raises:
+        FileError: if it is not installed.
+    """
+    import_pyarrow()
 
 
 def _metadata(result: Reconstruction, layer: LayerName) -> dict[str, str]:
@@ -70,8 +81,10 @@ def _metadata(result: Reconstruction, layer: LayerName) -> dict[str, str]:
     return {"posefuse": json.dumps(metadata)} | {name: options_to_toml(each) for name, each in options.items()}
 
 
-def _table(part: Reconstruction, name: LayerName) -> pa.Table:
-    table, layer, views = csv.table_of(part, name), part.layers[name], len(part.rig)
+def _table(part: Reconstruction, name: LayerName) -> Any:
+    pa = import_pyarrow()
+    table = arrow_table(csv.columns_of(part, name), coded_words=False)
+    layer, views = part.layers[name], len(part.rig)
     covariance = np.asarray(layer.covariance_m2[:]).reshape(-1, 6)
     for i, entry in enumerate(COVARIANCE_ENTRIES):
         table = table.append_column(f"covariance_{entry}_{part.unit}2", pa.array(covariance[:, i], from_pandas=True))
@@ -90,15 +103,16 @@ def _table(part: Reconstruction, name: LayerName) -> pa.Table:
     return table
 
 
-def _lists(values: pa.Array, each: int, rows: int) -> pa.ListArray:
+def _lists(values: Any, each: int, rows: int) -> Any:
+    pa = import_pyarrow()
     return pa.ListArray.from_arrays(pa.array(np.arange(rows + 1) * each, pa.int32()), values)
 
 
 def matches(path: Path) -> bool:
     """Return whether a file is in this format."""
     try:
-        return b"posefuse" in (parquet.read_schema(path).metadata or {})
-    except (OSError, pa.ArrowException):
+        return "posefuse" in metadata_keys(path)
+    except (OSError, ValueError):
         return False
 
 
@@ -106,9 +120,10 @@ def read(path: Path) -> StoredPoints:
     """Read a layer.
 
     Raises:
-        FileError: if it is not a parquet file of points that posefuse wrote, or is corrupt.
+        FileError: if it is not a parquet file of points that posefuse wrote, is corrupt, or pyarrow is not installed.
     """
     must_exist(path, "parquet file")
+    parquet = import_pyarrow().parquet
     with reading(path, "parquet file"):
         check_parquet(path)
         table = parquet.ParquetFile(path).read(use_threads=False)
@@ -118,12 +133,17 @@ def read(path: Path) -> StoredPoints:
             )
         metadata = json.loads(table.schema.metadata[b"posefuse"])
         points = tidy.points_of(
-            table, path, metadata["people"], metadata["keypoints"], metadata["layer"], metadata["rate_hz"]
+            columns_of(path, table, words=tidy.WORDS, numbers=tidy.NUMBERS),
+            path,
+            metadata["people"],
+            metadata["keypoints"],
+            metadata["layer"],
+            metadata["rate_hz"],
         )
         return _with_views(points, table, tuple(camera["name"] for camera in metadata["cameras"]), path)
 
 
-def _with_views(points: StoredPoints, table: pa.Table, names: tuple[str, ...], path: Path) -> StoredPoints:
+def _with_views(points: StoredPoints, table: Any, names: tuple[str, ...], path: Path) -> StoredPoints:
     shape = (*points.points_m.shape[:3], len(names))
 
     def flat(column: str) -> Any:
@@ -132,7 +152,7 @@ def _with_views(points: StoredPoints, table: pa.Table, names: tuple[str, ...], p
     return replace(
         points,
         view_names=names,
-        view_status=codes_of(tables.words(flat("view_status")), VIEW_STATUSES, path).reshape(shape),
+        view_status=codes_of(Words.of(flat("view_status").to_pylist()).values(), VIEW_STATUSES, path).reshape(shape),
         view_error_px=np.array(flat("view_error_px").to_numpy(zero_copy_only=False)).reshape(shape),
     )
 
@@ -149,4 +169,5 @@ FORMAT = ResultFormat(
     matches=matches,
     read=read,
     write_layer=write,
+    require=require,
 )

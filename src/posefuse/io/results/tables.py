@@ -1,65 +1,12 @@
-"""Reading of tables: CSV columns of given types, and conversion of columns to arrays."""
+"""Checks of the columns of tables."""
 
-import csv
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-from pyarrow import csv as arrow_csv
 
 from posefuse.errors import FileError
-from posefuse.io.files import reading
 
 _MAX_EXACT = 2.0**53
-
-
-def header(path: Path) -> list[str]:
-    """Return the first row of a CSV file.
-
-    Raises:
-        FileError: if the file cannot be read as CSV.
-    """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as lines:
-            return next(csv.reader(lines), [])
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise FileError(f"{path} is not a UTF-8 CSV file: {error}.") from None
-    except OSError as error:
-        raise FileError(f"{path} cannot be read: {error.strerror}.") from None
-
-
-def read_csv(path: Path, kinds: Mapping[str, pa.DataType]) -> pa.Table:
-    """Read a CSV file; columns that are not in ``kinds`` are left out.
-
-    Raises:
-        FileError: if a row is incomplete, or a cell does not have the type of its column.
-    """
-    names = header(path)
-    if len(set(names)) != len(names):
-        raise FileError(f"{path} has a duplicate column name in its first row.")
-    with reading(path, "CSV file"):
-        return arrow_csv.read_csv(
-            path,
-            arrow_csv.ReadOptions(use_threads=False),
-            arrow_csv.ParseOptions(newlines_in_values=True),
-            arrow_csv.ConvertOptions(
-                column_types=dict(kinds),
-                include_columns=[name for name in names if name in kinds],
-                null_values=["", "nan", "NaN"],
-                strings_can_be_null=False,
-            ),
-        )
-
-
-def numbers(column: pa.ChunkedArray) -> np.ndarray:
-    """Return a column of shape (row,), float64, NaN for empty cells."""
-    return np.array(column.cast(pa.float64()).to_numpy(), dtype=np.float64)
-
-
-def words(column: pa.ChunkedArray) -> np.ndarray:
-    """Return a column of strings, shape (row,), empty for empty cells."""
-    return np.array(["" if word is None else word for word in column.to_pylist()], dtype=object)
 
 
 def whole(values: np.ndarray, path: Path, what: str) -> np.ndarray:

@@ -4,14 +4,22 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 
 from posefuse.errors import FileError, choices
+from posefuse.io.columns import Columns, n_rows, number_column, word_column
 from posefuse.io.results import tables
 from posefuse.io.results.labels import SOURCES, STATUSES, codes_of
 from posefuse.model.stored_points import StoredPoints
 
 WORDS = ("person", "keypoint", "status", "source")
+_UNITS = ("m", "px")
+_COVARIANCES = ("xx", "xy", "xz", "yy", "yz", "zz")
+NUMBERS = (
+    *("frame", "time_s", "n_views", "reprojection_error_px"),
+    *(f"{prefix}{axis}_{unit}" for unit in _UNITS for prefix in ("", "sd_") for axis in "xyz"),
+    *(f"covariance_{entry}_{unit}2" for unit in _UNITS for entry in _COVARIANCES),
+)
+"""Columns of words and of numbers that are read."""
 
 
 def unit_of(names: Sequence[str], path: Path) -> str:
@@ -20,7 +28,7 @@ def unit_of(names: Sequence[str], path: Path) -> str:
     Raises:
         FileError: if the columns are not those of a tidy table.
     """
-    unit = next((unit for unit in ("m", "px") if f"x_{unit}" in names), "m")
+    unit = next((unit for unit in _UNITS if f"x_{unit}" in names), "m")
     required = ("frame", "time_s", "person", "keypoint", *(f"{axis}_{unit}" for axis in "xyz"))
     missing = [name for name in required if name not in names]
     if missing:
@@ -31,7 +39,7 @@ def unit_of(names: Sequence[str], path: Path) -> str:
 
 
 def points_of(
-    table: pa.Table,
+    table: Columns,
     path: Path,
     people: Sequence[str] | None = None,
     keypoints: Sequence[str] | None = None,
@@ -43,16 +51,16 @@ def points_of(
     Raises:
         FileError: if rows are missing or in another order.
     """
-    unit = unit_of(table.column_names, path)
-    persons, names = tables.words(table["person"]), tables.words(table["keypoint"])
+    unit = unit_of(list(table), path)
+    rows, persons, names = n_rows(table), word_column(table, "person"), word_column(table, "keypoint")
     people = tables.in_order(persons) if people is None else tuple(people)
     keypoints = tables.in_order(names) if keypoints is None else tuple(keypoints)
     each = len(people) * len(keypoints)
-    frames = len(table) // each if each else 0
+    frames = rows // each if each else 0
     shape = frames, len(people), len(keypoints)
-    numbers = tables.whole(tables.numbers(table["frame"]), path, "frame numbers")
+    numbers = tables.whole(number_column(table, "frame"), path, "frame numbers")
     complete = (
-        len(table) == frames * each
+        rows == frames * each
         and np.array_equal(np.tile(np.repeat(np.array(people, dtype=object), len(keypoints)), frames), persons)
         and np.array_equal(np.tile(np.array(keypoints, dtype=object), frames * len(people)), names)
         and np.array_equal(np.repeat(numbers[::each] if each else numbers, each), numbers)
@@ -60,19 +68,19 @@ def points_of(
     if not complete:
         raise FileError(
             f"{path}: expected {len(keypoints)} keypoints of each of {len(people)} people in every frame, in the same "
-            f"order, but its {len(table)} rows differ from that. Is it truncated or sorted?"
+            f"order, but its {rows} rows differ from that. Is it truncated or sorted?"
         )
 
     def field(*columns: str) -> np.ndarray | None:
-        if not set(columns) <= set(table.column_names):
+        if not set(columns) <= set(table):
             return None
-        return np.stack([tables.numbers(table[name]) for name in columns], axis=-1).reshape(*shape, len(columns))
+        return np.stack([number_column(table, name) for name in columns], axis=-1).reshape(*shape, len(columns))
 
     def codes(name: str, labels: np.ndarray) -> np.ndarray | None:
-        return codes_of(tables.words(table[name]), labels, path).reshape(shape) if name in table.column_names else None
+        return codes_of(word_column(table, name), labels, path).reshape(shape) if name in table else None
 
     errors, used = field("reprojection_error_px"), field("n_views")
-    times = tables.numbers(table["time_s"])
+    times = number_column(table, "time_s")
     return StoredPoints(
         keypoints=tuple(keypoints),
         person_ids=tuple(people),
@@ -82,7 +90,7 @@ def points_of(
         unit=unit,
         layer=layer,
         rate_hz=rate_hz,
-        covariance_m2=field(*(f"covariance_{entry}_{unit}2" for entry in ("xx", "xy", "xz", "yy", "yz", "zz"))),
+        covariance_m2=field(*(f"covariance_{entry}_{unit}2" for entry in _COVARIANCES)),
         sd_m=field(*(f"sd_{axis}_{unit}" for axis in "xyz")),
         status=codes("status", STATUSES),
         source=codes("source", SOURCES),

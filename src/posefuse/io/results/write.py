@@ -9,6 +9,7 @@ import numpy as np
 
 from posefuse.arguments import checked
 from posefuse.errors import ResultError, choices, suggestion
+from posefuse.io.csv_columns import write_csv
 from posefuse.io.files import check_texts
 from posefuse.io.outputs import check_new_files, check_new_folder, replacing_together
 from posefuse.io.results import c3d, csv, mot, trc
@@ -284,7 +285,7 @@ def write_folder(
         csv.write_angles(parts, folder / csv.ANGLES)
         files.append(csv.ANGLES)
     for file_name, columns in (tables or {}).items():
-        csv.write_columns(columns, folder / file_name)
+        write_csv(columns, folder / file_name)
         files.append(file_name)
     layer, points = result.best_layer(result.options.layer)
     if not result.has_identities:

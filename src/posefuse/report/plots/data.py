@@ -10,7 +10,7 @@ from posefuse.biomechanics.gait import Gait
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.report.heat_map import HeatMap, gather_heat_map
-from posefuse.report.rendering import BLUE, ORANGE
+from posefuse.report.matplotlib_extra import BLUE, ORANGE
 from posefuse.report.series import TimeSeries, gather_series
 
 DrawFigure = Callable[[], Figure]

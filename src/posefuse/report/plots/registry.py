@@ -6,6 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from posefuse.errors import OptionsError, suggestion
+from posefuse.report.matplotlib_extra import require_matplotlib
 
 if TYPE_CHECKING:
     from posefuse.report.plots.data import PlotData
@@ -137,8 +138,10 @@ def draw_plot(name: str, data: "PlotData") -> "RenderedFigure | None":
         The rendered figure, or None if the result has nothing to draw in it.
 
     Raises:
+        ResultError: if matplotlib is not installed.
         OptionsError: if there is no such figure, or ``data`` names a joint angle that the result does not have.
     """
+    require_matplotlib()
     from posefuse.report.rendering import render_figure
 
     plot = find_plot(name)

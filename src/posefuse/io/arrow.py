@@ -1,0 +1,68 @@
+"""Import of pyarrow, the optional dependency for parquet (extra ``parquet``), and conversion of its tables."""
+
+from collections.abc import Container
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from posefuse.errors import FileError
+from posefuse.io.columns import Column, Columns, Words
+
+
+def import_pyarrow() -> Any:
+    """Return the module ``pyarrow`` with its submodules ``parquet`` and ``compute``.
+
+    Raises:
+        FileError: if it is not installed.
+    """
+    try:
+        import pyarrow.compute
+        import pyarrow.parquet
+    except ImportError:
+        raise FileError(
+            "Parquet files need pyarrow, which is not installed. Run: pip install 'posefuse[parquet]'."
+        ) from None
+    return pyarrow
+
+
+def arrow_table(columns: Columns, *, coded_words: bool) -> Any:
+    """Return columns as a table of pyarrow; words with a dictionary, if ``coded_words``, or as plain strings."""
+    pa = import_pyarrow()
+
+    def array(column: Column) -> Any:
+        if not isinstance(column, Words):
+            return pa.array(np.ma.getdata(column), mask=np.ma.getmaskarray(column) | np.isnan(np.ma.getdata(column)))
+        indices = pa.array(column.codes.astype(np.int32), pa.int32(), mask=column.codes < 0)
+        coded = pa.DictionaryArray.from_arrays(indices, pa.array(list(column.names), pa.string()))
+        return coded if coded_words else coded.cast(pa.string())
+
+    return pa.table({name: array(column) for name, column in columns.items()})
+
+
+def columns_of(path: Path, table: Any, *, words: Container[str], numbers: Container[str]) -> dict[str, Column]:
+    """Return columns of words and of numbers of a table of pyarrow; other columns are left out.
+
+    Raises:
+        FileError: if a column has another type.
+    """
+    names = [name for name in table.column_names if name in words or name in numbers]
+    return {name: (_words if name in words else _numbers)(path, table.column(name), name) for name in names}
+
+
+def _words(path: Path, column: Any, name: str) -> Words:
+    pa = import_pyarrow()
+    try:
+        coded = column.cast(pa.string()).combine_chunks().dictionary_encode()
+    except (pa.ArrowInvalid, pa.ArrowNotImplementedError, pa.ArrowTypeError) as error:
+        raise FileError(f"{path}: the column {name} does not contain names: {error}.") from None
+    codes = coded.indices.fill_null(-1).to_numpy(zero_copy_only=False)
+    return Words(codes.astype(np.int64), tuple(coded.dictionary.to_pylist()))
+
+
+def _numbers(path: Path, column: Any, name: str) -> np.ndarray:
+    pa = import_pyarrow()
+    try:
+        return np.array(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
+    except (pa.ArrowInvalid, pa.ArrowNotImplementedError, pa.ArrowTypeError, ValueError, TypeError) as error:
+        raise FileError(f"{path}: the column {name} does not contain numbers: {error}.") from None

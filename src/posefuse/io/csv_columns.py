@@ -1,0 +1,142 @@
+"""CSV files as columns. Numbers are written with the fewest digits that give the same number when read."""
+
+import csv
+import io
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from itertools import islice
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from posefuse.errors import FileError
+from posefuse.io.columns import Column, Columns, Words
+from posefuse.io.files import reading, replacing
+
+_BLOCK_ROWS = 50_000
+
+
+def write_csv(tables: Iterable[Columns], path: Path, *, quoted_header: bool = True) -> None:
+    """Write consecutive tables with the same columns as one table; words are quoted.
+
+    Args:
+        tables: the tables, one after another in memory.
+        path: the file.
+        quoted_header: quote all names in the first row; some programs split it at commas and need False.
+    """
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        for i, columns in enumerate(tables):
+            if i == 0:
+                file.write(_header(list(columns), quoted=quoted_header))
+            cells = [_cells(column) for column in columns.values()]
+            file.writelines(b",".join(row) + b"\n" for row in zip(*cells, strict=True))
+
+
+def _header(names: Sequence[str], *, quoted: bool) -> bytes:
+    line = io.StringIO(newline="")
+    style = csv.QUOTE_ALL if quoted else csv.QUOTE_MINIMAL
+    csv.writer(line, lineterminator="\n", quoting=style).writerow(names)
+    return line.getvalue().encode()
+
+
+def _cells(column: Column) -> list[bytes]:
+    """Return the cells of a column as text."""
+    if isinstance(column, np.ndarray) and column.dtype == object:
+        column = Words.of(column)
+    if isinstance(column, Words):
+        words = ['"' + name.replace('"', '""') + '"' for name in column.names]
+        return np.array([word.encode() for word in [*words, ""]], dtype=object)[column.codes].tolist()
+    if not len(column):
+        return []
+    # The encoder writes NaN as null, and 1.0 for 1; the comma lets the last cell end like all others.
+    text = msgspec.json.encode(np.ma.getdata(column).tolist())[1:-1] + b","
+    cells = text.replace(b".0,", b",").replace(b"null", b"")[:-1].split(b",")
+    for row in np.flatnonzero(np.ma.getmaskarray(column)):
+        cells[row] = b""
+    for row in np.flatnonzero(np.isinf(np.ma.getdata(column))):
+        cells[row] = str(column[row]).encode()
+    return cells
+
+
+def header(path: Path) -> list[str]:
+    """Return the first row of a CSV file.
+
+    Raises:
+        FileError: if the file cannot be read as CSV.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as lines:
+            return next(csv.reader(lines), [])
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise FileError(f"{path} is not a UTF-8 CSV file: {error}.") from None
+    except OSError as error:
+        raise FileError(f"{path} cannot be read: {error.strerror}.") from None
+
+
+def read_csv(path: Path, *, words: Container[str], numbers: Container[str]) -> dict[str, Column]:
+    """Read columns of words and of numbers of a CSV file; other columns are left out.
+
+    Empty cells are missing; in columns of numbers, ``nan`` is as well.
+
+    Raises:
+        FileError: if a column occurs twice, a row is incomplete, or a column of numbers contains something else.
+    """
+    with reading(path, "CSV file"), path.open(newline="", encoding="utf-8-sig") as lines:
+        rows = csv.reader(lines, strict=True)
+        names = next(rows, [])
+        if len(set(names)) != len(names):
+            raise FileError(f"{path} has two columns with the same name.")
+        found: dict[str, list[np.ndarray]] = {name: [] for name in names if name in words or name in numbers}
+        index: dict[str, dict[str, int]] = {name: {"": -1} for name in found if name in words}
+        for first, cells in _blocks(path, rows, names):
+            for name in found:
+                column = _codes(cells[name], index[name]) if name in index else _floats(path, name, cells[name], first)
+                found[name].append(column)
+    joined = {name: np.concatenate([np.empty(0), *parts]) for name, parts in found.items()}
+    return {
+        name: Words(column.astype(np.int64), tuple(index[name])[1:]) if name in index else column
+        for name, column in joined.items()
+    }
+
+
+def _blocks(
+    path: Path, rows: Iterator[list[str]], names: Sequence[str]
+) -> Iterator[tuple[int, Mapping[str, tuple[str, ...]]]]:
+    """Yield the number of the first row and the cells by column of consecutive blocks of rows.
+
+    Raises:
+        FileError: if a row is incomplete.
+    """
+    first = 1
+    filled = filter(None, rows)
+    while block := list(islice(filled, _BLOCK_ROWS)):
+        for number, row in enumerate(block, first):
+            if len(row) != len(names):
+                raise FileError(
+                    f"{path}, row {number}: expected {len(names)} cells, got {len(row)}. Is the file truncated?"
+                )
+        yield first, dict(zip(names, zip(*block, strict=True), strict=True))
+        first += len(block)
+
+
+def _codes(cells: Sequence[str], index: dict[str, int]) -> np.ndarray:
+    """Return the codes of words, to which new words are added; the empty word, the first, has the code -1."""
+    return np.array([index.setdefault(cell, len(index) - 1) for cell in cells], dtype=np.float64)
+
+
+def _floats(path: Path, name: str, cells: Sequence[str], first: int) -> np.ndarray:
+    try:
+        # Python accepts underscores in numbers, CSV files do not.
+        if "_" not in "".join(cells):
+            return np.array([float(cell or "nan") for cell in cells])
+    except ValueError:
+        pass
+    row, cell = next((first + i, cell) for i, cell in enumerate(cells) if not _is_number(cell))
+    raise FileError(f"{path}, row {row}: the column {name} does not contain numbers: {cell[:40]!r}.")
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        return "_" not in cell and float(cell or "nan") is not None
+    except ValueError:
+        return False
