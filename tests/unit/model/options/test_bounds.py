@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import posefuse.model.options as model_options
-from posefuse.errors import OptionsError
 from posefuse.described import Description
+from posefuse.errors import OptionsError
 from posefuse.model.options.bounds import (
     Bounds,
     bounds_of,
