@@ -16,7 +16,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-EXEMPT = {"docs/glossary.md", "benchmarks/same_numbers.py", "benchmarks/same_numbers_cases.py"}
+EXEMPT = {
+    "docs/glossary.md",
+    "benchmarks/same_numbers.py",
+    "benchmarks/same_numbers_cases.py",
+    "src/posefuse/report/assets/three.min.js",
+}
 SUFFIXES = {".py", ".md", ".html", ".js", ".toml"}
 CHECKED = ("src", "docs", "benchmarks", "examples", "README.md", "CONTRIBUTING.md", "CHANGELOG.md")
 

@@ -13,6 +13,7 @@ from posefuse.report.html import render_report
 from tests.people import simulate_walkers, track_perfectly
 from tests.videos import coded_video, moving_sticks
 
+CHARTS_DRAWN = "document.querySelector('#keypoint-errors .js-plotly-plot')"
 HOSTILE = '<img src=x onerror="window.ran=1">'
 
 
@@ -27,12 +28,17 @@ def file(tmp_path_factory):
     return path
 
 
+def is_problem(message) -> bool:
+    """Return whether a message of the console is an error or a warning, apart from a remark of software drivers."""
+    return message.type in ("error", "warning") and "GL Driver Message" not in message.text
+
+
 @pytest.fixture(scope="module")
 def opened(browser, file):
     """The page and a list of its problems: errors, warnings, network requests."""
     page = browser.new_page(viewport={"width": 1280, "height": 900})
     problems: list[str] = []
-    page.on("console", lambda message: problems.append(message.text) if message.type in ("error", "warning") else None)
+    page.on("console", lambda message: problems.append(message.text) if is_problem(message) else None)
     page.on("pageerror", lambda error: problems.append(str(error)))
     page.on("request", lambda request: problems.append(request.url) if not request.url.startswith("file:") else None)
     page.goto(file.as_uri())
@@ -147,6 +153,7 @@ def test_print_style_shows_tables_and_hides_controls(page):
     assert page.locator("#heat").is_visible()
     assert not page.locator("#controls").is_visible()
     page.emulate_media(media="screen")
+    page.evaluate("dispatchEvent(new Event('afterprint'))")
 
 
 def test_narrow_dark_screen_needs_no_horizontal_scrolling(page):
@@ -183,6 +190,7 @@ def filmed(browser, tmp_path_factory):
     page = browser.new_page(viewport={"width": 1280, "height": 900})
     page.goto(path.as_uri())
     page.wait_for_function("video.readyState >= 2")
+    page.wait_for_function(CHARTS_DRAWN, timeout=60_000)
     yield page
     page.close()
 
@@ -234,10 +242,11 @@ def test_linked_videos_play_from_the_folder_beside_the_page(browser, tmp_path, m
     assert len(linked) == 2
     page = browser.new_page(viewport={"width": 1280, "height": 900})
     problems: list[str] = []
-    page.on("console", lambda message: problems.append(message.text) if message.type in ("error", "warning") else None)
+    page.on("console", lambda message: problems.append(message.text) if is_problem(message) else None)
     page.on("pageerror", lambda error: problems.append(str(error)))
     page.goto(path.as_uri())
     page.wait_for_function("video.readyState >= 2", timeout=10_000)
+    page.wait_for_function(CHARTS_DRAWN, timeout=60_000)
     assert page.evaluate("video.currentSrc") == linked[0].as_uri()
     page.click("#play")
     page.wait_for_function("!video.paused && video.currentTime > 0.1", timeout=10_000)

@@ -50,5 +50,5 @@ def demo(
     say("Reconstructing")
     describe_result(reconstruct_recording(recording, result, overwrite=True, progress=Bars()).open())
     evaluate(result, (recording / TRUTH,), numbers=NumbersFile(overwrite=True))
-    report(result, truth=(recording / TRUTH,), overwrite=True)
+    report(result, truth=(recording / TRUTH,), name=output.resolve().name, overwrite=True)
     say(f"The report: {(result / 'report.html').resolve().as_uri()}")

@@ -23,6 +23,9 @@ def report(
     output: Annotated[
         Path | None, Parameter(name=["--output", "-o"], help="HTML file; by default report.html beside the result.")
     ] = None,
+    name: Annotated[
+        str, Parameter(help="Name of the recording in the title; by default that of the result's folder.")
+    ] = "",
     overwrite: Overwrite = False,
 ) -> None:
     """Write a result's report as one HTML page that needs no network.
@@ -55,6 +58,7 @@ def report(
         offset_s=offsets_by_camera(offset_s),
         truth_m=truth_m,
         accuracy=accuracy,
+        recording=name or (result if result.is_dir() else result.parent).resolve().name,
         overwrite=overwrite,
         progress=Bars(),
     )

@@ -1,15 +1,12 @@
-"""The verdict on poses and clocks, in the same words for inspect, sync and refine-calibration."""
+"""The verdict on poses and clocks, in the same words for inspect, sync, refine-calibration and the report."""
 
 from collections.abc import Sequence
 
 from posefuse.cli.console import say
-from posefuse.model.findings import CLOCK_FINDINGS, POSE_FINDINGS, Finding
+from posefuse.model.findings import Finding, verdict_sentences
 
 
 def say_verdict(findings: Sequence[Finding]) -> None:
     """Print which poses and clocks are wrong, or that none is."""
-    about = [finding for finding in findings if finding.kind in (*POSE_FINDINGS, *CLOCK_FINDINGS)]
-    if not about:
-        say("verdict: the recording shows no wrong camera pose and no wrong clock")
-    for finding in about:
-        say(f"verdict: {finding.kind}: {finding.sentence}")
+    for sentence in verdict_sentences(findings):
+        say(f"verdict: {sentence}")

@@ -109,3 +109,11 @@ class Finding(Described):
 def certain_faults(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Return the findings that make results wrong beyond doubt."""
     return tuple(finding for finding in findings if finding.is_certain)
+
+
+def verdict_sentences(findings: Iterable[Finding]) -> tuple[str, ...]:
+    """Return which poses and clocks are wrong, or that none is: the verdict that commands and reports present."""
+    about = [finding for finding in findings if finding.kind in (*POSE_FINDINGS, *CLOCK_FINDINGS)]
+    if not about:
+        return ("the recording shows no wrong camera pose and no wrong clock",)
+    return tuple(f"{finding.kind}: {finding.sentence}" for finding in about)

@@ -70,7 +70,7 @@ def edit_result(
     with replacing_folder(output) as staging:
         write_edited(before, loaded, staging / "reconstruction.nc")
         after = netcdf.read_reconstruction(staging / "reconstruction.nc")
-        written = write_outputs(after, staging, progress or Silent())
+        written = write_outputs(after, staging, progress or Silent(), output.resolve().name)
     return output, written
 
 

@@ -285,7 +285,7 @@ class _Run:
             write_edited(netcdf.read_reconstruction(unedited), edits, path)
             unedited.unlink()
         result = netcdf.read_reconstruction(path)
-        written = write_outputs(result, self.staging, self.progress)
+        written = write_outputs(result, self.staging, self.progress, folder.resolve().name)
         debug = () if plan is None else write_debug_figures(plan, result, self.staging, self.progress)
         files = (RESULT, *written.files, *debug)
         notes, partial = result.provenance.notes, _partial_remark(result)

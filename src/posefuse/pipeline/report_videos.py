@@ -37,6 +37,7 @@ def write_report(
     offset_s: Mapping[str, float] | None = None,
     truth_m: np.ndarray | None = None,
     accuracy: Accuracy | PeopleScores | None = None,
+    recording: str = "",
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> tuple[Path, ...]:
@@ -53,6 +54,7 @@ def write_report(
         offset_s: start of each camera's video in the result's time; 0 by default.
         truth_m: ground truth as of ``render_report``.
         accuracy: accuracy of the result compared with the ground truth.
+        recording: name of the recording in the title.
         overwrite: whether to replace an existing report.
         progress: receives the progress.
 
@@ -83,7 +85,8 @@ def write_report(
             named = [replace(v, link=f"{beside.name}/{p.name}") for v, p in zip(page.videos, linked, strict=True)]
             page = replace(page, videos=tuple(named))
         gait = analyze_gait(result)
-        text = render_report(result, truth_m, accuracy, progress, page, None if gait is None else gait.people)
+        people = None if gait is None else gait.people
+        text = render_report(result, truth_m, accuracy, progress, page, people, recording)
         for parent in {file.parent for file in linked}:
             parent.mkdir(parents=True, exist_ok=True)
         with replacing_together([path, *linked]) as temporary:

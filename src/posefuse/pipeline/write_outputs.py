@@ -52,13 +52,14 @@ class WrittenOutputs:
     gait: tuple[str, ...] = ()
 
 
-def write_outputs(result: Reconstruction, folder: Path, progress: Progress) -> WrittenOutputs:
+def write_outputs(result: Reconstruction, folder: Path, progress: Progress, recording: str = "") -> WrittenOutputs:
     """Write everything beside ``reconstruction.nc``, to which joint angles and contacts are added.
 
     Args:
         result: the result in ``reconstruction.nc`` of the folder.
         folder: output folder.
         progress: receives the progress.
+        recording: name of the recording in the report.
     """
     path = folder / RESULT
     if path.exists():
@@ -73,7 +74,8 @@ def write_outputs(result: Reconstruction, folder: Path, progress: Progress) -> W
         add_contact(path, gait.contact, gait.sliding, gait.layer)
     files, layer, unwritten = write_folder(result, folder, progress, tables, movements)
     figures, remarks = ([], []) if unwritten else write_figures(result, people_with_frames(result), folder, progress)
-    report = render_report(result, progress=progress, gait=None if gait is None else gait.people)
+    people = None if gait is None else gait.people
+    report = render_report(result, progress=progress, gait=people, recording=recording)
     (folder / REPORT).write_text(report, "utf-8")
     lines = () if gait is None else gait.summary()
     return WrittenOutputs((*files, *figures, REPORT), layer, (*unwritten, *remarks), lines)

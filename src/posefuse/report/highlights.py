@@ -10,9 +10,8 @@ from posefuse.report.heat_map import REJECTED, USED, HeatMap
 from posefuse.report.messages import message_html
 from posefuse.report.series import Gap, TimeSeries
 from posefuse.report.summary import Summary
+from posefuse.report.verdict import findings_of
 
-_FINDING_PREFIX = "Health: "
-"""Prefix of findings among the notes of results of version 0.1."""
 _HIGH_ERROR_RATIO = 1.5
 """List a camera or keypoint whose error exceeds the median of all by this factor."""
 _HIGH_REJECTED_SHARE = 0.15
@@ -30,11 +29,7 @@ def highlights_section(
     result: Reconstruction, summary: Summary, heat_map: HeatMap, series: TimeSeries, gaps: list[Gap]
 ) -> str:
     """Return the section as HTML: a list of sentences, findings first."""
-    findings = [str(finding) for finding in result.findings]
-    # Results of earlier versions hold findings as notes.
-    findings += [
-        note.removeprefix(_FINDING_PREFIX) for note in result.provenance.notes if note.startswith(_FINDING_PREFIX)
-    ]
+    findings = findings_of(result)
     finding_list = (
         "<h3>Findings of the recording check</h3><ol>"
         + "".join(f"<li>{message_html(text)}</li>" for text in findings)

@@ -17,6 +17,8 @@ from posefuse.model.reconstruction import Reconstruction
 from posefuse.progress import Progress, Silent, report_ranges
 from posefuse.report import tables
 from posefuse.report.charts import chart_data
+from posefuse.report.command import command_box
+from posefuse.report.header import facts_line, page_title, verdict_box
 from posefuse.report.heat_map import HeatMap, gather_heat_map, heat_map_data
 from posefuse.report.highlights import highlights_section
 from posefuse.report.left_right_swaps import swap_section, swap_timeline
@@ -27,11 +29,15 @@ from posefuse.report.scene import display_stride, scene_data
 from posefuse.report.series import Gap, TimeSeries, find_gaps, gather_series, time_series_data
 from posefuse.report.summary import Summary, summarize
 from posefuse.report.summary_text import scene_note, summary_paragraphs
+from posefuse.report.verdict import judge_result
 from posefuse.report.videos import PageVideos, video_data, videos_sentence
 
 PLOTLY = "plotly-cartesian.min.js"
 """Charts of plotly.js: its distribution with scatter, bar and heatmap; plotly-cartesian.LICENSE."""
-_SCRIPTS = ("scene.js", "projection.js", "player.js", "video.js", "heat_map.js", "time.js", "movement.js", "charts.js")
+_SCRIPTS = (
+    "scene.js", "projection.js", "solids.js", "player.js", "video.js", "heat_map.js", "time.js", "movement.js",
+    "timeline.js", "charts.js", "page.js",
+)  # fmt: skip
 """Parts of one script, in this order."""
 _SIDES_HINT = '<span class="left">Left</span>, <span class="right">right</span>'
 _PEOPLE_HINT = "One color per person, names above their heads"
@@ -133,6 +139,8 @@ def _versions(page: PageData) -> str:
 
 
 SECTIONS = (
+    Section("facts", lambda page: facts_line(page.result)),
+    Section("verdict", lambda page: verdict_box(judge_result(page.result, page.summary))),
     Section("summary", lambda page: summary_paragraphs(page.result, page.summary, page.accuracy, page.scene[1])),
     Section(
         "highlights",
@@ -149,6 +157,7 @@ SECTIONS = (
     Section("swaps", lambda page: swap_section(page.result, page.summary)),
     Section("gaps", lambda page: tables.gap_section(page.result, page.gaps)),
     Section("bones", lambda page: tables.bone_section(page.result, page.series) if page.result.has_identities else ""),
+    Section("command", lambda page: command_box(page.result)),
     Section("notes", lambda page: tables.notes_list(page.result)),
     Section("options", lambda page: tables.options_table(page.result.resolved)),
     Section("versions", _versions),
@@ -175,6 +184,7 @@ def render_report(
     progress: Progress | None = None,
     videos: PageVideos = PageVideos(),  # noqa: B008
     gait: Mapping[str, Gait] | None = None,
+    recording: str = "",
 ) -> str:
     """Return the report of a result as the text of an HTML file.
 
@@ -186,13 +196,16 @@ def render_report(
         progress: receives the progress.
         videos: videos to show beside the scene.
         gait: contacts, gait and repetitions by person.
+        recording: name of the recording in the title.
     """
     page = PageData(result, truth_m, accuracy, progress or Silent(), videos, gait)
     return document(
         "report.html",
-        title=escape(f"posefuse: {len(result.person_ids)} x {result.skeleton.name}"),
+        title=escape(page_title(result, recording)),
         css=("report.css",),
         scene=asset("scene.html"),
+        theme=asset("theme.js"),
+        three=asset("three.min.js"),
         plotly=asset(PLOTLY),
         script=script(_SCRIPTS, CHARTS),
         data=safe_json({name: data(page) for name, data in CHARTS.items()}),

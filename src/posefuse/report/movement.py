@@ -81,7 +81,7 @@ def _parameter_table(person: str, gait: Gait, named: bool) -> str:
     for name in names:
         cells = (_cell(mean_of(gait.parameters, name, side)) for side in (*SIDES, "both"))
         rows.append(f"<tr><th>{escape(signal_title(name))}</th>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>")
-    head = "".join(f"<th>{each}</th>" for each in ("", "Left", "Right", "Both"))
+    head = "".join(f"<th>{each}</th>" for each in ("Parameter", "Left", "Right", "Both"))
     title = f"<h3>{escape(person)}</h3>" if named else ""
     return (
         f'{title}<div class="wide"><table class="parameters"><tr>{head}</tr>{"".join(rows)}</table></div>'

@@ -177,7 +177,7 @@ def presence_interval(result: Reconstruction, person: PersonSummary) -> tuple[st
 def _people_table(result: Reconstruction, people: Sequence[PersonSummary]) -> str:
     unit = "s" if np.isfinite(result.time_s).all() else "frame"
     headings = (
-        "", "Person", f"From, {unit}", f"To, {unit}", "Active", "Tentative", "Lost", "Points", "Cameras",
+        "Color", "Person", f"From, {unit}", f"To, {unit}", "Active", "Tentative", "Lost", "Points", "Cameras",
         "Median error, px",
     )  # fmt: skip
     rows = []

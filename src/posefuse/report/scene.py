@@ -8,6 +8,7 @@ import numpy as np
 from posefuse.model.cameras import Camera, CameraRig, LensModel
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Layer, Reconstruction
+from posefuse.report.bodies import body_shapes
 from posefuse.report.packing import (
     MARKED_VIEWS,
     PackingGrid,
@@ -63,6 +64,7 @@ def scene_data(
         "marks": marks,
         "markedViews": len(result.rig) <= MARKED_VIEWS,
         "truth": _pack_truth(truth_m, grid, stride),
+        "bodies": body_shapes(shown[layer], result.skeleton),
     }
     return scene, n_outside
 

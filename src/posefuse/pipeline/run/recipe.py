@@ -293,7 +293,9 @@ class _Run:
         if path.is_file() and self.state.is_finished("report", key):
             self._finish("report", kept=True)
             return
-        write_report(result, path, videos=self._videos_of(result), overwrite=True, progress=self.progress)
+        name = self.plan.session.folder.resolve().name
+        videos = self._videos_of(result)
+        write_report(result, path, videos=videos, recording=name, overwrite=True, progress=self.progress)
         self.state.finish("report", key)
         self._finish("report", report=path)
 

@@ -1,23 +1,23 @@
   // Bar charts and the chart of track states.
   const chart = { ...base, margin: { l: 60, r: 10, t: 60, b: 40 }, showlegend: true, legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 } };
   const bars = (names, values, name, color) => ({ type: "bar", x: names, y: values, name, marker: { color: color } });
-  Plotly.newPlot("view-errors", [bars(charts.views, charts.view_median, "median", css("--left")),
+  later(() => Plotly.newPlot("view-errors", [bars(charts.views, charts.view_median, "median", css("--left")),
     bars(charts.views, charts.view_p90, "90th percentile", css("--middle"))],
-  { ...chart, yaxis: { ...grid, title: { text: "reprojection error, px" } }, barmode: "group" }, config);
+  { ...chart, yaxis: { ...grid, title: { text: "reprojection error, px" } }, barmode: "group" }, config));
   const shareColors = { "used": css("--left"), "used swapped": css("--swapped"), "outlier": css("--right"), "low confidence": "#cc79a7", "unseen": css("--line"), "other": css("--middle") };
-  Plotly.newPlot("view-shares", Object.entries(charts.view_shares).map(([name, values]) =>
+  later(() => Plotly.newPlot("view-shares", Object.entries(charts.view_shares).map(([name, values]) =>
     bars(charts.views, values, name, shareColors[name])),
-  { ...chart, yaxis: { ...grid, tickformat: ".0%", range: [0, 1] }, barmode: "stack" }, config);
+  { ...chart, yaxis: { ...grid, tickformat: ".0%", range: [0, 1] }, barmode: "stack" }, config));
   if (swaps) {
     element("swaps").style.height = `${90 + 16 * swaps.rows.length}px`;
-    Plotly.newPlot("swaps", [{ type: "heatmap", x: swaps.time, y: swaps.rows, z: swaps.share, zmin: 0, zmax: 1, ygap: 1,
+    later(() => Plotly.newPlot("swaps", [{ type: "heatmap", x: swaps.time, y: swaps.rows, z: swaps.share, zmin: 0, zmax: 1, ygap: 1,
       colorscale: [[0, css("--line")], [1, css("--right")]], hoverongaps: false,
       hovertemplate: "%{y}, %{x:.2f}: %{z:.0%} swapped<extra></extra>",
       colorbar: { title: { text: "swapped" }, tickformat: ".0%", thickness: 10 } }],
     { ...base, margin: { l: 140, r: 10, t: 10, b: 40 }, xaxis: { ...grid, title: { text: swaps.unit } },
-      yaxis: { autorange: "reversed", automargin: true } }, config);
+      yaxis: { autorange: "reversed", automargin: true } }, config));
   }
-  if (tracks && tracks.rows.length && tracks.people) drawTrackStates();
+  if (tracks && tracks.rows.length && tracks.people) later(drawTrackStates);
   function drawTrackStates() {
     const times = tracks.time, drawn = [];
     const styles = { active: { width: 10 }, tentative: { width: 3 }, lost: { width: 3, dash: "2px,3px" } };
@@ -69,7 +69,7 @@
     const plot = document.createElement("div");
     if (charts.keypoint_groups.length === 1) {
       element("keypoint-errors").append(plot);
-      drawKeypoints(plot, indices);
+      later(() => drawKeypoints(plot, indices));
       return;
     }
     const fold = document.createElement("details"), title = document.createElement("summary");
@@ -78,12 +78,11 @@
     title.textContent = `${name}: ${indices.length} keypoints${median}`;
     fold.append(title, plot);
     element("keypoint-errors").append(fold);
-    fold.addEventListener("toggle", () => { if (fold.open && !plot.firstChild) drawKeypoints(plot, indices); });
+    fold.addEventListener("toggle", () => { if (fold.open && !plot.firstChild) later(() => drawKeypoints(plot, indices)); });
     fold.open = i === 0;
   });
 
   // Printed pages show the table of keypoints even if it is collapsed on the screen.
   addEventListener("beforeprint", () => document.querySelectorAll("details.printed").forEach((fold) => { fold.open = true; }));
-  for (const moment of ["beforeprint", "afterprint"]) addEventListener(moment, () => { readColors(); draw(); });
   const starts = layers[0].points.map((points) => points.findIndex(Number.isFinite)).filter((i) => i >= 0);
   if (nFrames) show(starts.length ? Math.floor(Math.min(...starts) / (3 * K)) : 0);

@@ -9,7 +9,7 @@
   const hueOf = { error: "--right", rejected: "--right", missing: "--missing", used: "--left" };
   function buildHeatMap() {
     const head = heat.createTHead().insertRow();
-    for (const name of ["", ...views]) head.append(Object.assign(document.createElement("th"), { textContent: name, scope: "col" }));
+    for (const name of ["Keypoint", ...views]) head.append(Object.assign(document.createElement("th"), { textContent: name, scope: "col" }));
     const body = heat.createTBody();
     scene.keypoints.forEach((keypoint, k) => {
       const row = body.insertRow();

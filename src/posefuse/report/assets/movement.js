@@ -43,7 +43,7 @@
       menu.addEventListener("change", () => choose(Number(menu.value)));
       element(place).append(menu);
     }
-    choose(0);
+    later(() => choose(0));
   }
   if (element("cycles")) peopleMenu("cycle-people", movement.cycles.map(({ person }) => person), (p) => {
     const { panels, stance } = movement.cycles[p], percent = Array.from({ length: 101 }, (_, i) => i);
@@ -69,19 +69,22 @@
     const drawn = rows.flatMap(({ side, spans }, row) => spans.length ? [{ type: "scatter", mode: "lines", hoverinfo: "x",
       x: spans.flatMap(([from, to]) => [from, to, null]), y: spans.flatMap(() => [row, row, null]), line: { width: 10, color: css(sideColor[side]) } }] : []);
     plot.style.height = `${50 + 20 * rows.length}px`;
-    Plotly.newPlot(plot, drawn, { ...base, margin: { l: 120, r: 10, t: 6, b: 40 }, hovermode: "closest", xaxis: timeAxis,
+    later(() => {
+      Plotly.newPlot(plot, drawn, { ...base, margin: { l: 120, r: 10, t: 6, b: 40 }, hovermode: "closest", xaxis: timeAxis,
       yaxis: { ...grid, range: [rows.length - 0.5, -0.5], tickvals: rows.map((_, i) => i), ticktext: rows.map(({ label }) => plain(label)), automargin: true } }, config);
-    cursor(plot);
+      cursor(plot);
+    });
   }
   // Printed charts have the width of a page of A4, which the browser knows only after it has drawn them.
   const printed = { multiple: [134, 104], chart: [690, 110] }, onScreen = new Map();
-  addEventListener("beforeprint", () => document.querySelectorAll("#movement .js-plotly-plot").forEach((plot) => {
-    const [width, height] = printed[plot.classList.contains("multiple") ? "multiple" : "chart"];
+  addEventListener("beforeprint", () => document.querySelectorAll(".js-plotly-plot").forEach((plot) => {
+    const [width, most] = printed[plot.classList.contains("multiple") ? "multiple" : "chart"];
+    const height = plot.closest("#movement") ? most : plot.offsetHeight;
     onScreen.set(plot, plot.style.height);
     plot.style.height = `${height}px`;
     Plotly.relayout(plot, { width, height, "font.size": 8 });
   }));
   addEventListener("afterprint", () => onScreen.forEach((height, plot) => {
     plot.style.height = height;
-    Plotly.relayout(plot, { width: null, height: null, autosize: true, "font.size": 12 });
+    Plotly.relayout(plot, { width: null, height: null, autosize: true, "font.size": font.size });
   }));

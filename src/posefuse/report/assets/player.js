@@ -52,7 +52,7 @@
   play.addEventListener("click", toggle);
   scrub.addEventListener("input", () => show(Number(scrub.value)));
   addEventListener("resize", redraw);
-  dark.addEventListener("change", () => { readColors(); redraw(); });
+  addEventListener("themechange", () => { readColors(); solids?.recolor(); draw(); });
 
   function fill(id, names, first, chosen) {
     const menu = element(id);
@@ -94,6 +94,8 @@
   }
   bindCheckbox("side-by-side", "sideBySide", layers.length > 1);
   bindCheckbox("show-uncertainty", "covariances", Boolean(scene.volume) || covariances.some((codes) => codes.some((code, i) => i % 7 === 0 && code)));
+  bindCheckbox("show-trails", "trails", false);
+  const showTrailSwitch = () => { element("show-trails").parentElement.hidden = !scene.up || nFrames < 2; };
   bindCheckbox("show-truth", "truth", Boolean(truth));
   element("truth-hint").hidden = !truth;
   element("camera-hint").hidden = !scene.cameras.length || !scene.markedViews;

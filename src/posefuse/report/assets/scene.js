@@ -1,8 +1,35 @@
   // The 3D scene: decoding of points, free view and camera views, and drawing of one frame.
   const element = (id) => document.getElementById(id);
-  const dark = matchMedia("(prefers-color-scheme: dark)");
   const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-  const bytesOf = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  function bytesOf(text) {
+    const characters = atob(text), bytes = new Uint8Array(characters.length);
+    for (let i = 0; i < bytes.length; i++) bytes[i] = characters.charCodeAt(i);
+    return bytes;
+  }
+  // What takes long is done piece by piece after the first frame, and before the page is printed.
+  const pending = [];
+  let working = true;
+  function work() {
+    const next = pending.shift();
+    working = Boolean(next);
+    if (!next) return;
+    next();
+    setTimeout(work);
+  }
+  function later(task) {
+    pending.push(task);
+    if (working) return;
+    working = true;
+    setTimeout(work);
+  }
+  function runLibrary(id) {
+    const library = document.createElement("script");
+    library.textContent = element(id).textContent;
+    document.body.append(library);
+  }
+  // Two frames later, the first one is on the screen.
+  addEventListener("DOMContentLoaded", () => requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(work))));
+  addEventListener("beforeprint", () => { while (pending.length) pending.shift()(); });
   const K = scene.keypoints.length, nFrames = scene.frames.length, several = scene.people.length !== 1;
 
   function unpack(text) {
@@ -34,7 +61,7 @@
   const isPlanar = scene.unit !== "m";
   let colors = {};
   function readColors() {
-    const names = ["ink", "faint", "line", "paper", "left", "right", "middle", "truth", "floor", "target"];
+    const names = ["ink", "faint", "line", "paper", "left", "right", "middle", "truth", "floor", "target", "skin"];
     colors = Object.fromEntries(names.map((name) => [name, css(`--${name}`)]));
     colors.people = scene.people.map((_, i) => css(`--person-${i % 10}`));
     colors.cameras = scene.cameras.map((_, i) => scene.volume ? css(`--person-${i % 10}`) : colors.faint);
@@ -68,7 +95,7 @@
     ([low, high], { center }) => [Math.min(low, center[i]), Math.max(high, center[i])], range));
 
   // The free view: a viewpoint on a sphere around a target; turn about the up axis, tilt above the ground.
-  const state = { frame: 0, camera: -1, follow: -1, layer: 0, sideBySide: false, covariances: false, truth: true, marked: null, zoom: { scale: 1, center: null },
+  const state = { frame: 0, camera: -1, follow: -1, layer: 0, sideBySide: false, covariances: false, truth: true, trails: true, marked: null, zoom: { scale: 1, center: null },
     turn: 0.9, tilt: 0.35, distance: 0, target: centerOf(bounds), wide: false };
   const FOCAL = 1.5;
   function fitView(wide) {
@@ -80,7 +107,7 @@
     const { right, down, ahead } = axesOf(), corners = [0, 1, 2, 3, 4, 5, 6, 7].map((bits) => ranges.map((range, i) => range[(bits >> i) & 1]));
     const needed = corners.map((corner) => minus(corner, state.target)).map(
       (d) => Math.max(1.53 * FOCAL * Math.abs(dot(d, down)), 1.1 * FOCAL * Math.abs(dot(d, right))) - dot(d, ahead));
-    state.distance = Math.max(1.25 * FOCAL * radiusOf(ranges) * (wide ? 1.1 : 1), ...needed);
+    state.distance = Math.max(1.35 * FOCAL * radiusOf(ranges) * (wide ? 1.1 : 1), ...needed);
   }
 
   const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
@@ -124,7 +151,7 @@
   }
 
   const canvas = element("canvas"), context = canvas.getContext("2d");
-  let dots = [];
+  let dots = [], solids = null;
   function draw() {
     const ratio = devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
     if (!width) return;
@@ -136,6 +163,7 @@
     context.clearRect(0, 0, width, height);
     dots = [];
     followPerson();
+    solids?.begin(width, height);
     if (!state.sideBySide) return drawPane({ x: 0, y: 0, width, height }, layers[state.layer], layers.length > 1);
     const tall = width < 600, half = tall ? height / 2 : width / 2, other = layers[(state.layer + 1) % layers.length];
     const panes = [0, 1].map((i) => tall ? { x: 0, y: i * half, width, height: half } : { x: i * half, y: 0, width: half, height });
@@ -164,11 +192,12 @@
     state.zoom.scale = Math.max(1, Math.min(12, 0.6 / share));
     state.zoom.center = [xs, ys].map((values) => (Math.max(...values) + Math.min(...values)) / 2);
   }
-  function personCenter(person) {
-    const points = layers[state.layer].points[person], sum = [0, 0, 0];
+  const personCenter = (person) => centerAt(layers[state.layer].points[person], state.frame);
+  function centerAt(points, frame) {
+    const sum = [0, 0, 0];
     let n = 0;
     for (let k = 0; k < K; k++) {
-      const p = at(points, state.frame, k);
+      const p = at(points, frame, k);
       if (p) { n++; for (let i = 0; i < 3; i++) sum[i] += p[i]; }
     }
     return n ? sum.map((v) => v / n) : null;
@@ -181,20 +210,22 @@
     context.beginPath();
     context.rect(pane.x, pane.y, pane.width, pane.height);
     context.clip();
-    const strokes = [];
-    if (!isPlanar && scene.up) strokes.push(...ground(to));
+    const strokes = [], solid = solids && !camera;
+    if (solid) solids.draw(pane, layer);
+    if (!isPlanar && scene.up && !solid) strokes.push(...ground(to));
     if (camera) frameOfImage(to.image);
-    else scene.cameras.forEach((each, i) => strokes.push(...frustum(each, to, colors.cameras[i])));
+    else if (!solid) scene.cameras.forEach((each, i) => strokes.push(...frustum(each, to, colors.cameras[i])));
     if (scene.volume && !camera) scene.cameras.forEach((each, i) => fieldOfView(each, to, colors.cameras[i]));
     if (scene.volume) layer.points.forEach((points) => strokes.push(...trace(points, to)));
     if (truth && state.truth) truth.forEach((points) => strokes.push(...bones(points, to, () => several ? colors.faint : colors.truth, 2.5)));
-    layer.points.forEach((points, person) => strokes.push(...bones(points, to, (e) => edgeColor(person, e), 4)));
+    if (!solid) layer.points.forEach((points, person) => strokes.push(...bones(points, to, (e) => edgeColor(person, e), 4)));
     strokes.sort((a, b) => b.depth - a.depth).forEach(stroke);
     if (state.covariances && scene.volume) volumeDots(to);
     else if (state.covariances && layer === layers[0]) layer.points.forEach((points, person) => ellipsoids(points, person, to));
-    layer.points.forEach((points, person) => keypoints(points, person, to, camera));
+    layer.points.forEach((points, person) => keypoints(points, person, to, camera, solid));
     if (!camera) scene.cameras.forEach((each, i) => label(each.name, to(each.center), colors.cameras[i], 12));
     if (several) layer.points.forEach((points, person) => label(scene.people[person], head(points, to), colors.people[person], 13));
+    if (scene.up && !camera && !scene.volume) label(`grid ${lengthText(cell)}`, [pane.x + 8, pane.y + pane.height - 10], colors.ink, 12, "left");
     label([named ? `layer ${layer.name}` : "", camera ? camera.name : ""].filter(Boolean).join(", "), [pane.x + 8, pane.y + 18], colors.ink, 13, "left");
     context.restore();
   }
@@ -274,16 +305,16 @@
       out.push(...segment(point(a, b), point(a + cell, b), colors.floor, 1, 1e6));
     return out;
   }
-  function keypoints(points, person, to, camera) {
+  function keypoints(points, person, to, camera, solid) {
     for (let k = 0; k < K; k++) {
       const p = at(points, state.frame, k), q = p && to(p);
       if (!q) continue;
       dots.push({ x: q[0], y: q[1], person, k, p });
-      const radius = K > 60 ? 2 : 3.2, color = keypointColor(person, k);
+      const radius = K > 60 ? 2 : 3.2, color = keypointColor(person, k), hollow = mark(person, state.frame, k, 0) === 2;
       context.lineWidth = 1.5;
       context.strokeStyle = color;
-      context.fillStyle = mark(person, state.frame, k, 0) === 2 ? colors.paper : color;
-      disc(q, radius);
+      context.fillStyle = hollow ? colors.paper : color;
+      if (!solid || hollow) disc(q, radius);
       if (scene.labeled) label(scene.keypoints[k].replace(/^\D+/, ""), [q[0] + 6, q[1] - 5], colors.ink, 11, "left");
       if (camera && scene.markedViews) viewMark(q, mark(person, state.frame, k, 1 + state.camera), radius + 2.5);
       const m = state.marked;
@@ -306,9 +337,10 @@
       for (const s of [1, -1]) { context.beginPath(); context.moveTo(q[0] - r, q[1] - s * r); context.lineTo(q[0] + r, q[1] + s * r); context.stroke(); }
     }
   }
+  const lengthText = (m) => m >= 1 ? `${+m.toPrecision(2)} m` : m >= 0.01 ? `${+(100 * m).toPrecision(2)} cm` : `${+(1000 * m).toPrecision(2)} mm`;
   function label(text, q, color, height, align = "center") {
     if (!q || !text) return;
-    context.font = `${height}px system-ui, sans-serif`;
+    context.font = `${height / 16}rem system-ui, sans-serif`;
     context.textAlign = align;
     context.lineWidth = 3;
     context.strokeStyle = colors.paper;

@@ -12,4 +12,3 @@
   fitAll();
   fit.addEventListener("click", () => { if (state.wide) fitAll(); });
   show(0);
-  for (const moment of ["beforeprint", "afterprint"]) addEventListener(moment, () => { readColors(); draw(); });

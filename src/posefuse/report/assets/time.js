@@ -1,5 +1,7 @@
+  later(() => runLibrary("plotly"));
+
   // Charts over time: lines, gaps, bones. A cursor in each chart marks the displayed frame; a click shows a frame.
-  const font = { color: css("--ink"), family: "system-ui, sans-serif" };
+  const font = { color: css("--ink"), family: "system-ui, sans-serif", size: 0.75 * parseFloat(getComputedStyle(document.documentElement).fontSize) };
   const base = { margin: { l: 0, r: 0, t: 0, b: 0 }, showlegend: false, font, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)" };
   const config = { displaylogo: false, responsive: true, displayModeBar: false };
   const grid = { gridcolor: css("--line"), zeroline: false };
@@ -39,8 +41,8 @@
       hovermode: "closest", xaxis: timeAxis, yaxis: { ...grid, title: { text: title }, ...range } }, config);
     cursor(element(id));
   }
-  lines("time-error", series.error, "reprojection error, px", { rangemode: "tozero" });
-  lines("time-views", series.views, "views used", { range: [0, charts.views.length + 0.3] });
+  later(() => lines("time-error", series.error, "reprojection error, px", { rangemode: "tozero" }));
+  later(() => lines("time-views", series.views, "views used", { range: [0, charts.views.length + 0.3] }));
 
   // When points were measured, filled and missing.
   let gapPerson = 0;
@@ -65,7 +67,7 @@
       menu.addEventListener("change", () => { gapPerson = Number(menu.value); drawGaps(); });
       element("gap-people").append(menu);
     }
-    drawGaps();
+    later(drawGaps);
   }
 
   // The selected bone and its counterpart on the other side, if there is one.
@@ -85,6 +87,6 @@
   if (element("bones")) {
     const median = (values) => { const known = values.filter((v) => v !== null).sort((a, b) => a - b); return known.length ? known[known.length >> 1] : 0; };
     const lengths = series.bones.map((_, b) => Math.max(...series.lengths.map((bones) => median(bones[b]))));
-    drawBone(lengths.indexOf(Math.max(...lengths)));
+    later(() => drawBone(lengths.indexOf(Math.max(...lengths))));
     document.addEventListener("click", (event) => { if (event.target.matches(".bone")) { drawBone(Number(event.target.dataset.bone)); element("bones").scrollIntoView({ block: "nearest" }); } });
   }

@@ -27,8 +27,10 @@
     if (filmed < 0) return;
     const target = targetTime(state.frame), speed = Number(element("speed").value);
     if (!playing) {
+      // A video that was playing is further than the time that it states, which scripts see once per task.
+      const moved = !video.paused;
       video.pause();
-      if (Math.abs(video.currentTime - target) > 1e-4) video.currentTime = target;
+      if (moved || Math.abs(video.currentTime - target) > 1e-4) video.currentTime = target;
       drawFilm(state.frame);
       return;
     }
@@ -100,6 +102,7 @@
       element("film-cameras").append(button);
     });
     video.addEventListener("loadedmetadata", follow);
+    video.addEventListener("pause", () => { if (!playing) follow(); });
     video.addEventListener("seeked", () => { if (!playing) drawFilm(state.frame); });
     video.addEventListener("error", () => { element("video-problem").hidden = false; });
     if (video.requestVideoFrameCallback) video.requestVideoFrameCallback(onImage);
@@ -108,7 +111,7 @@
     element("layer").addEventListener("change", () => drawFilm(state.frame));
     element("view").addEventListener("change", () => openFilm(films.findIndex(({ camera }) => camera === state.camera)));
     addEventListener("resize", () => drawFilm(state.frame));
-    dark.addEventListener("change", () => drawFilm(state.frame));
+    addEventListener("themechange", () => drawFilm(state.frame));
     openFilm(0);
     redraw();
   } else if (element("video-note").textContent) {

@@ -86,6 +86,7 @@ def render_calibration(summary: CalibrationSummary) -> str:
         title=f"Calibration of {n} {'camera' if n == 1 else 'cameras'}",
         css=("report.css", "calibration.css"),
         scene=asset("scene.html"),
+        theme=asset("theme.js"),
         script=script(_SCRIPTS, ("scene",)),
         data=safe_json({"scene": calibration_scene(summary)}),
         **{section.name: section.render(summary, assessment) for section in SECTIONS},
