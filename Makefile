@@ -1,11 +1,12 @@
 # The two that matter: make demo, make test. Both set up everything in .venv first.
 BIN := .venv/bin
 PYTEST := $(BIN)/python -m pytest
+SPHINX := $(BIN)/python -m sphinx -n -W --keep-going -q -j 2 -d docs/_build/doctrees
 # The processes of a test run share the cores: matrix products in several threads each would only compete.
 export OPENBLAS_NUM_THREADS ?= 1
 LOCK := pyproject.toml uv.lock scripts/bootstrap.sh
 
-.PHONY: demo test test-long check lint types borders format benchmark clean
+.PHONY: demo test test-long check lint types borders format benchmark docs docs-fast docs-links clean
 
 demo: .venv/.installed
 	$(BIN)/posefuse demo --output demo
@@ -18,6 +19,7 @@ test: .venv/.installed-dev
 test-long: .venv/.installed-dev
 	POSEFUSE_EXAMPLES_FACTOR=40 $(PYTEST) -n 2 -m hypothesis
 	$(PYTEST) -n 2 -m long
+	$(MAKE) docs
 
 check: lint types borders
 
@@ -39,6 +41,18 @@ format: .venv/.installed-dev
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
+# The site with the gallery executed: docs/_build/html/index.html.
+docs: .venv/.installed-dev
+	$(SPHINX) -b html docs docs/_build/html
+
+# The same pages and checks, but the examples of the gallery do not run.
+docs-fast: .venv/.installed-dev
+	POSEFUSE_GALLERY=off $(SPHINX) -b html docs docs/_build/fast
+
+# Needs the network.
+docs-links: .venv/.installed-dev
+	POSEFUSE_GALLERY=off $(SPHINX) -b linkcheck docs docs/_build/linkcheck
+
 benchmark: .venv/.installed-dev
 	$(BIN)/python benchmarks/run.py
 
@@ -47,8 +61,8 @@ benchmark: .venv/.installed-dev
 	@touch $@
 
 .venv/.installed-dev: $(LOCK)
-	sh scripts/bootstrap.sh --all-extras
+	sh scripts/bootstrap.sh --all-extras --group docs
 	@touch .venv/.installed $@
 
 clean:
-	rm -rf .venv demo .pytest_cache .ruff_cache .hypothesis
+	rm -rf docs/_build docs/generated docs/gallery .venv demo .pytest_cache .ruff_cache .hypothesis

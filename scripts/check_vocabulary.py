@@ -22,6 +22,8 @@ EXEMPT = {
     "benchmarks/same_numbers_cases.py",
     "src/posefuse/report/assets/three.min.js",
 }
+BUILT = ("docs/_build/", "docs/generated/", "docs/gallery/")
+"""Folders that the build of the documentation writes."""
 SUFFIXES = {".py", ".md", ".html", ".js", ".toml"}
 CHECKED = ("src", "docs", "benchmarks", "examples", "README.md", "CONTRIBUTING.md", "CHANGELOG.md")
 
@@ -79,7 +81,11 @@ def checked_files() -> list[Path]:
         path: path.relative_to(ROOT) for path in paths if path.suffix in SUFFIXES and not path.name.endswith(".min.js")
     }
     # Environments of the peers in benchmarks/ hold other programs' files.
-    return sorted(p for p, name in names.items() if name.as_posix() not in EXEMPT and ".venv" not in name.parts)
+    return sorted(
+        p
+        for p, name in names.items()
+        if name.as_posix() not in EXEMPT and ".venv" not in name.parts and not name.as_posix().startswith(BUILT)
+    )
 
 
 def main(arguments: list[str]) -> int:

@@ -29,23 +29,46 @@ from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
 
 ROOT = Path(__file__).parents[2]
-EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-PAGES = sorted([*(ROOT / "docs").rglob("*.md"), *ROOT.glob("*.md")])
+EXAMPLES = sorted((ROOT / "examples" / "gallery").rglob("*.py"))
+QUICK = ("plot_1_reconstruct", "plot_3_missing_points", "plot_1_arrays", "plot_4_live")
+"""Examples that make test runs; make test-long and the site run all."""
+EXAMPLE_RUNS = [
+    pytest.param(path, id=f"{path.parent.name}_{path.stem}", marks=() if path.stem in QUICK else pytest.mark.long)
+    for path in EXAMPLES
+]
+GENERATED = ("_build", "generated", "gallery")
+"""Folders of docs that are not in the repository."""
+PAGES = sorted(
+    [
+        *(path for path in (ROOT / "docs").rglob("*.md") if not set(path.relative_to(ROOT).parts) & set(GENERATED)),
+        *ROOT.glob("*.md"),
+    ]
+)
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("example", EXAMPLE_RUNS)
 def test_example_runs(example: Path, tmp_path: Path) -> None:
     done = subprocess.run(
-        [sys.executable, "-W", "error", str(example)],
+        [sys.executable, "-W", "error", "-W", "ignore:.*non-interactive.*:UserWarning", str(example)],
         cwd=tmp_path,
         capture_output=True,
         text=True,
         check=False,
-        env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
+        env={**os.environ, "PYTHONPATH": str(ROOT / "src"), "MPLBACKEND": "agg"},
     )
     assert done.returncode == 0, done.stderr
     assert re.search(r"\d", done.stdout)
     assert not re.search(r"(?<![\w])(nan|inf)(?!\w)", done.stdout), done.stdout
+
+
+def test_gallery_examples_have_titles_and_figures() -> None:
+    assert 20 <= len(EXAMPLES) <= 30
+    for example in EXAMPLES:
+        text = example.read_text("utf-8")
+        title, line = text.split("\n")[:2]
+        assert title.startswith('"""')
+        assert set(line) == {"="}, example
+        assert text.rstrip().endswith("plt.show()"), example
 
 
 def python_blocks(page: Path) -> list[str]:

@@ -1,5 +1,10 @@
-"""Reconstruct from cameras and detections of your own program: no files, any skeleton."""
+"""Your own cameras and arrays
+===========================
 
+Reconstruct from cameras and detections of your own program: no files, any skeleton.
+"""
+
+import matplotlib.pyplot as plt
 import numpy as np
 
 import posefuse
@@ -43,3 +48,10 @@ layer = result.layers["measured"]
 print(f"noise of a detection: {result.noise.scale_px[0]:.2f} px (simulated: 1.50)")
 print(f"views used in frame 25: {layer.n_views[25, 0].tolist()}")
 print(f"median error: {1000 * np.median(np.linalg.norm(layer.points_m[:, 0] - truth, axis=-1)):.1f} mm")
+
+figure, axes = plt.subplots()
+axes.plot(truth[:, 1, 0], truth[:, 1, 2], color="0.7", linewidth=4, label="truth")
+axes.plot(layer.points_m[:, 0, 1, 0], layer.points_m[:, 0, 1, 2], ".", label="measured")
+axes.set(xlabel="x (m)", ylabel="z (m)", title="Bob of the pendulum", aspect="equal")
+axes.legend()
+plt.show()

@@ -1,5 +1,10 @@
-"""Simulate a person, reconstruct it and compare the result with the truth."""
+"""Simulate and reconstruct
+========================
 
+Simulate a person, reconstruct it and compare the result with the truth.
+"""
+
+import matplotlib.pyplot as plt
 import numpy as np
 
 import posefuse
@@ -17,3 +22,12 @@ for name in ("nose", "left_wrist", "right_ankle"):
 
 posefuse.write(result, "person.trc", overwrite=True)
 posefuse.write(result, "reconstruction.nc", overwrite=True)
+
+time_s = result.time_s
+k = result.skeleton.index("left_wrist")
+figure, axes = plt.subplots()
+axes.plot(time_s, error_mm[:, k], label="error")
+axes.plot(time_s, sd_mm[:, k], label="standard deviation")
+axes.set(xlabel="time (s)", ylabel="mm", title="Left wrist", ylim=(0, None))
+axes.legend()
+plt.show()

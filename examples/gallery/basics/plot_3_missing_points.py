@@ -1,7 +1,12 @@
-"""Print the status of points and views: why a point is missing, and how each view was used."""
+"""Why is a point missing?
+=======================
+
+Print the status of points and views: why a point is missing, and how each view was used.
+"""
 
 from dataclasses import replace
 
+import matplotlib.pyplot as plt
 import numpy as np
 
 import posefuse
@@ -26,3 +31,9 @@ for name, code in zip(result.rig.names, layer.view_status[frame, person, keypoin
 lenient = replace(strict, triangulation=replace(strict.triangulation, min_views=2))
 more = posefuse.reconstruct(scene.rig, scene.detections, lenient).layers["measured"]
 print(f"\nwith min_views = 2, {int((more.has_point & ~layer.has_point).sum())} more points have coordinates")
+
+figure, axes = plt.subplots()
+axes.imshow(layer.status[:, 0].T, aspect="auto", cmap="tab20", interpolation="nearest")
+axes.set(xlabel="frame", yticks=range(len(result.skeleton)), title="Status of every point")
+axes.set_yticklabels(result.skeleton.keypoints, fontsize=6)
+plt.show()

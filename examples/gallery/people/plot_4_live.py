@@ -1,5 +1,10 @@
-"""Track people live, one frame at a time, here from a simulated crowd instead of your detectors."""
+"""Live tracking
+=============
 
+Track people live, one frame at a time, here from a simulated crowd instead of your detectors.
+"""
+
+import matplotlib.pyplot as plt
 import numpy as np
 
 import posefuse
@@ -30,3 +35,10 @@ for number in range(scene.detections.n_frames):
     for person in people.people:
         if number % 50 == 49 and person.state == posefuse.TrackState.ACTIVE:
             print_nose(person)
+
+figure, axes = plt.subplots()
+for person in people.people:
+    axes.plot(person.points_m[:, 0], person.points_m[:, 1], "o", label=person.name)
+axes.set(xlabel="x (m)", ylabel="y (m)", title="The last frame from above", aspect="equal")
+axes.legend()
+plt.show()
