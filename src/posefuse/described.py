@@ -1,6 +1,5 @@
 """Short descriptions of objects, as text and as HTML in notebooks."""
 
-from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
@@ -45,8 +44,8 @@ class Description:
 class Described:
     """Has a short representation; classes that derive from it state what it contains."""
 
-    @abstractmethod
-    def _description(self) -> Description: ...
+    def _description(self) -> Description:
+        raise NotImplementedError
 
     def __repr__(self) -> str:
         return self._description().text()

@@ -97,6 +97,7 @@ RESUMES: dict[str, Callable[[Inputs], Arguments]] = {
 """Commands that keep or replace their own result of the same inputs and options."""
 WRITES_NOTHING: dict[str, Callable[[Inputs], Arguments]] = {
     "inspect": lambda given: (given.recording, "--deep"),
+    "doctor": lambda given: (),
     "explain": lambda given: (given.result, "--frame", 3),
     "stream": lambda given: ("--calibration", given.recording / "calibration.toml", "--skeleton", "halpe_26"),
     "replay": lambda given: (given.recording,),

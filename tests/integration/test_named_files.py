@@ -51,7 +51,7 @@ def folder(request, tmp_path, clean_scene) -> Path:
 
 
 def names_in_report(output: Path) -> list[str]:
-    text = re.sub(r"(?s)<(script|style).*?</\1>", "", (output / "report.html").read_text("utf-8"))
+    text = re.sub(r"(?s)<(script|style|pre).*?</\1>", "", (output / "report.html").read_text("utf-8"))
     return FILE.findall(html.unescape(re.sub(r"<[^>]+>", " ", text)))
 
 
@@ -84,7 +84,7 @@ def check_names(out: str, folder: Path, output: Path) -> None:
 )
 def test_named_files_exist(folder, options, run, tmp_path):
     output = tmp_path / "out"
-    code, out, err = run("reconstruct", folder, "--output", output, *options)
+    code, out, err = run("reconstruct", "--verbose", folder, "--output", output, *options)
     assert (code, output.exists()) in ((0, True), (2, False)), err
     check_names(out, folder, output)
     if code == 2:
@@ -97,7 +97,7 @@ def test_named_files_exist(folder, options, run, tmp_path):
 
 @pytest.mark.parametrize("folder", ["one", "all"], indirect=True)
 def test_converted_files_exist_or_nothing_is_left(folder, run, tmp_path):
-    assert run("reconstruct", folder, "--output", tmp_path / "out")[0] == 0
+    assert run("reconstruct", "--verbose", folder, "--output", tmp_path / "out")[0] == 0
     for form in RESULTS.written():
         target = tmp_path / form.name
         target.mkdir()
@@ -121,7 +121,7 @@ def test_impossible_formats_are_refused_before_the_work(form, folder, run, tmp_p
         raise AssertionError("the work began")
 
     monkeypatch.setattr(reconstruct_recording, "prepare", work)
-    code, _, err = run("reconstruct", folder, "--output", tmp_path / "out", "--also", form)
+    code, _, err = run("reconstruct", "--verbose", folder, "--output", tmp_path / "out", "--also", form)
     assert code == 2
     assert f"--also: {form} needs 3D points" in err
     assert not (tmp_path / "out").exists()
@@ -129,7 +129,7 @@ def test_impossible_formats_are_refused_before_the_work(form, folder, run, tmp_p
 
 @pytest.mark.parametrize("folder", ["uneven"], indirect=True)
 def test_frames_at_irregular_times_give_no_trc(folder, run, tmp_path):
-    code, out, _ = run("reconstruct", folder, "--output", tmp_path / "out")
+    code, out, _ = run("reconstruct", "--verbose", folder, "--output", tmp_path / "out")
     assert code == 0
     assert "A TRC or C3D file needs evenly spaced frames" in " ".join(out.split())
     assert (tmp_path / "out" / "keypoints.csv").is_file()

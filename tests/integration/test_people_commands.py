@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from dataclasses import replace
 
 import pytest
@@ -73,13 +74,18 @@ def test_failed_edits_leave_no_files(run, folder):
     assert "is the result itself" in output
 
 
+def without_title(path) -> bytes:
+    """Return the bytes of a file; those of a report without its title, which is the name of a folder."""
+    return re.sub(rb"<title>[^<]*|<h1[^>]*>[^<]*", b"", path.read_bytes())
+
+
 def test_reconstruct_repeats_the_edits(run, recording, tmp_path):
     (tmp_path / "edits.toml").write_text('[[edit]]\ndo = "rename"\nperson = "person_1"\nto = "anna"\n')
     assert run("reconstruct", recording, "-o", tmp_path / "plain")[0] == 0
     assert run("edit", tmp_path / "plain", tmp_path / "edits.toml", "-o", tmp_path / "edited")[0] == 0
     assert run("reconstruct", recording, "-o", tmp_path / "again", "--edits", tmp_path / "edits.toml")[0] == 0
     for name in ("reconstruction.nc", "keypoints.csv", "anna.trc", "report.html"):
-        assert (tmp_path / "again" / name).read_bytes() == (tmp_path / "edited" / name).read_bytes(), name
+        assert without_title(tmp_path / "again" / name) == without_title(tmp_path / "edited" / name), name
     assert {*os.listdir(tmp_path / "again")} - {"fingerprint.json"} == {*os.listdir(tmp_path / "edited")}
 
 

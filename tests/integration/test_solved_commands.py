@@ -34,7 +34,7 @@ def recording_with_gap(recording):
 def test_postprocessing_is_recorded_in_all_outputs(run, recording_with_gap, tmp_path):
     out = tmp_path / "out"
     flags = ["--solve", "frame", "--postprocess.fill", "pchip", "--postprocess.smooth", "hampel", "butterworth"]
-    code, output, _ = run("reconstruct", recording_with_gap, "-o", out, *SHORT, *flags)
+    code, output, _ = run("reconstruct", recording_with_gap, "-o", out, "--verbose", *SHORT, *flags)
     assert code == 0
     assert "layer solved: triangulated by consensus, then postprocessed" in output.replace("\n", " ")
     assert "% filled" in output

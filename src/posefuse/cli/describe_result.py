@@ -14,7 +14,7 @@ from posefuse.model.reconstruction import Reconstruction
 if TYPE_CHECKING:
     from posefuse.report.summary import Summary
 
-_MOST_ROWS, _MOST_EVENTS, _MOST_GAITS = 4, 2, 2
+_MOST_ROWS, _MOST_EVENTS, _MOST_GAITS, _MOST_REMARKS = 4, 2, 2, 2
 _MAJOR_EVENTS = ("possible_identity_switch", "camera_rejected", "camera_silent")
 
 
@@ -43,6 +43,7 @@ def layer_remark(files: Sequence[str], layer: LayerName, also: Sequence[str] = (
 def describe_result(result: Reconstruction) -> None:
     """Print the size of a result, its notes and findings, and the share and accuracy of its points."""
     from posefuse.report.summary import layer_origin, summarize
+    from posefuse.report.verdict import judge_result
 
     name, _ = result.best_layer(result.options.layer)
     summary = summarize(result.chunks(), name)
@@ -55,6 +56,9 @@ def describe_result(result: Reconstruction) -> None:
         for layer in result.layers:
             note(f"layer {layer}: {layer_origin(result, layer)}")
     notes(result.provenance.notes)
+    verdict = judge_result(result, summary)
+    # A finding is the reason of its verdict.
+    note(f"verdict: {verdict.level}" + (f": {verdict.sentence}" if not result.findings else ""))
     for finding in result.findings:
         note(f"finding: {finding}")
     if result.unit == "px":
@@ -74,9 +78,10 @@ def describe_gait(lines: Sequence[str]) -> None:
 
 def describe_remarks(remarks: Sequence[str]) -> None:
     """Print what the written formats cannot hold; only their number, except with ``--verbose``."""
-    if detail.verbose:
-        notes(remarks)
-    elif remarks:
+    if detail.verbose or len(remarks) <= _MOST_REMARKS:
+        for remark in remarks:
+            note(f"note: {remark}")
+    else:
         say(f"{count(len(remarks), 'note')} on what the written formats cannot hold (--verbose)")
 
 

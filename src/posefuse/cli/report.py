@@ -39,25 +39,25 @@ def report(
     from posefuse.io.results.comparable import pair_with_truth, truth_at_frames_of
     from posefuse.io.results.open_result import open_result
     from posefuse.pipeline.evaluate_files import score
-    from posefuse.pipeline.report_videos import write_report
+    from posefuse.pipeline.report_videos import ReportTruth, write_report
 
     path, reconstruction = open_result(result)
     target = output or path.parent / "report.html"
     check_new_page(target, overwrite=overwrite)
-    truth_m = accuracy = None
+    known = None
     if truth:
         compared = in_calibration_world(reconstruction)
         paired = pair_with_truth(compared, truth, length_unit)
         truth_m, accuracy = truth_at_frames_of(compared, paired), score(compared, paired)
         if reconstruction.alignment is not None:
             truth_m = reconstruction.alignment.points(truth_m)
+        known = ReportTruth(truth_m, accuracy)
     written = write_report(
         reconstruction,
         target,
         videos=videos_by_camera(reconstruction.rig, video),
         offset_s=offsets_by_camera(offset_s),
-        truth_m=truth_m,
-        accuracy=accuracy,
+        truth=known,
         recording=name or (result if result.is_dir() else result.parent).resolve().name,
         overwrite=overwrite,
         progress=Bars(),

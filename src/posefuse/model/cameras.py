@@ -219,7 +219,7 @@ class CameraRig(Described, PickledByFields):
     correlation: np.ndarray | None = field(default=None, compare=False)
     min_cameras: ClassVar[int] = 1
 
-    _description, plot = describe_rig, plot_rig
+    _description, plot = describe_rig, plot_rig  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cameras", tuple(self.cameras))

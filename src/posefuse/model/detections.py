@@ -9,7 +9,7 @@ import numpy as np
 
 from posefuse.arguments import Shape, checked
 from posefuse.arrays import ArraySource, check_shape, frozen, in_memory, ranges, same
-from posefuse.described import Described
+from posefuse.described import Described, Description
 from posefuse.errors import DetectionsError, MatchError, choices, suggestion
 from posefuse.model.descriptions import describe_detections
 from posefuse.model.lazy_rows import chosen_rows
@@ -62,7 +62,6 @@ class Detections(Described):
     sigma_px: np.ndarray | None = None
     rate_hz: float | None = None
     notes: tuple[str, ...] = ()
-    _description = describe_detections
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "view_names", tuple(self.view_names))
@@ -74,6 +73,9 @@ class Detections(Described):
         self._check_index()
         if in_memory(self.keypoints_px):
             self._check_numbers()
+
+    def _description(self) -> Description:
+        return describe_detections(self)
 
     def _check_axes(self) -> None:
         n_frames, n_views, n_keypoints = len(self.frame_numbers), len(self.view_names), len(self.skeleton)

@@ -3,7 +3,7 @@
 import shutil
 import tempfile
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +28,19 @@ EMBEDDED_BYTES = 8_000_000
 """Largest total size of the videos that a report contains; larger ones are files beside it."""
 
 
+@dataclass(frozen=True, eq=False)
+class ReportTruth:
+    """Ground truth that a report shows.
+
+    Attributes:
+        points_m: shape (frame, person, keypoint, 3), as of ``render_report``.
+        accuracy: accuracy of the result compared with it.
+    """
+
+    points_m: np.ndarray
+    accuracy: Accuracy | PeopleScores
+
+
 @checked
 def write_report(
     result: Reconstruction,
@@ -35,8 +48,7 @@ def write_report(
     *,
     videos: Mapping[str, Path] | None = None,
     offset_s: Mapping[str, float] | None = None,
-    truth_m: np.ndarray | None = None,
-    accuracy: Accuracy | PeopleScores | None = None,
+    truth: ReportTruth | None = None,
     recording: str = "",
     overwrite: bool = False,
     progress: Progress | None = None,
@@ -52,8 +64,7 @@ def write_report(
         path: the HTML file.
         videos: video of each camera, by name; cameras without one are left out.
         offset_s: start of each camera's video in the result's time; 0 by default.
-        truth_m: ground truth as of ``render_report``.
-        accuracy: accuracy of the result compared with the ground truth.
+        truth: ground truth to show.
         recording: name of the recording in the title.
         overwrite: whether to replace an existing report.
         progress: receives the progress.
@@ -86,7 +97,8 @@ def write_report(
             page = replace(page, videos=tuple(named))
         gait = analyze_gait(result)
         people = None if gait is None else gait.people
-        text = render_report(result, truth_m, accuracy, progress, page, people, recording)
+        compared = (None, None) if truth is None else (truth.points_m, truth.accuracy)
+        text = render_report(result, *compared, progress, page, people, recording)
         for parent in {file.parent for file in linked}:
             parent.mkdir(parents=True, exist_ok=True)
         with replacing_together([path, *linked]) as temporary:

@@ -65,7 +65,7 @@ def with_resting_feet(
     """
     layer, poses = part.layers["model"], part.poses
     assert poses is not None
-    points, bodies = np.array(layer.points_m), (np.array(poses.turns), np.array(poses.directions))
+    points, turns, directions = np.array(layer.points_m), np.array(poses.turns), np.array(poses.directions)
     paths_m, paths_m2 = np.asarray(solved.points_m), unpack_covariance(np.asarray(solved.covariance_m2))
     for p in range(points.shape[1]):
         found = contact(p, part.time_s, paths_m[:, p].swapaxes(0, 1), paths_m2[:, p].swapaxes(0, 1))
@@ -77,8 +77,7 @@ def with_resting_feet(
             for c, keypoint in enumerate(found.keypoints)
         }
         for side in SIDES:
-            _move_leg(_leg(part, poses, side), moves, points[:, p], tuple(each[:, p] for each in bodies))
-    turns, directions = bodies
+            _move_leg(_leg(part, poses, side), moves, points[:, p], (turns[:, p], directions[:, p]))
     layers = {**part.layers, "model": _with_errors(replace(layer, points_m=points), layer, rig, detections, part)}
     return replace(part, layers=layers, poses=replace(poses, turns=turns, directions=directions))
 
@@ -91,7 +90,7 @@ def _move_m(
     The errors of its path are correlated in time. Their most probable values make it rest on the ground while it is in
     contact, and vanish with the correlation before and after.
     """
-    known = np.isfinite(path_m).all(axis=1)
+    known = np.asarray(np.isfinite(path_m).all(axis=1))
     moves, weight = np.zeros_like(path_m), np.where(known, np.maximum(contact.touching[c], _LEAST_WEIGHT), 0.0)
     if not known.any():
         return moves, weight

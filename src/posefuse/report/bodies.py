@@ -1,5 +1,6 @@
 """Shapes of bodies in the 3D scene: a radius at each keypoint, and ellipsoids for heads and trunks."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -19,6 +20,8 @@ _CHEST, _BELLY = (0.085, 0.125, 0.058), (0.080, 0.080, 0.060)
 _CREATURE_SHARES = {"tti": 0.2, "spine": 0.4, "trunk": 0.4, "body": 0.4, "centroid": 0.4, "neck": 0.3}
 _CREATURE_OTHER = 0.13
 """Radii of animals as shares of the shortest bone at a keypoint."""
+_UNJOINED = 0.5
+"""Length of a typical bone as a share of the distance of keypoints from the middle, for skeletons without edges."""
 _CREATURE_MOST, _TAIL = 0.13, 0.02
 """The largest radius and that of tails, as shares of the longest bone."""
 _TRUNK_SHARE, _THIGH_SHARE = 0.29, 0.24
@@ -74,10 +77,11 @@ def _human_radii(skeleton: Skeleton) -> list[float]:
 
 def _creature_radii(people: Sequence[np.ndarray], skeleton: Skeleton) -> list[float]:
     """Return radii in m by the lengths of the bones."""
-    lengths = np.array([_bone_lengths_m(person, skeleton) for person in people]).reshape(-1, len(skeleton.edges))
+    shape = (len(people), len(skeleton.edges))
+    lengths = np.array([_bone_lengths_m(person, skeleton) for person in people]).reshape(shape)
     known = [[length for length in bone if np.isfinite(length)] for bone in lengths.T]
     bones = [float(np.median(each)) if each else float("nan") for each in known]
-    longest = max((bone for bone in bones if np.isfinite(bone)), default=0.0)
+    longest = max((bone for bone in bones if np.isfinite(bone)), default=_UNJOINED * _extent_m(people))
     most = _CREATURE_MOST * longest
     radii = []
     for k, name in enumerate(skeleton.keypoints):
@@ -86,6 +90,15 @@ def _creature_radii(people: Sequence[np.ndarray], skeleton: Skeleton) -> list[fl
         radius = _TAIL * longest if "tail" in name.lower() else min(share * min(own, default=longest), most)
         radii.append(float(f"{radius:.4g}"))
     return radii
+
+
+def _extent_m(people: Sequence[np.ndarray]) -> float:
+    """Return the median distance of keypoints from the middle of their body; 0 without any."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of frames without points
+        apart = [person - np.nanmean(person, axis=1, keepdims=True) for person in people]
+    extents = [_median(np.linalg.norm(each, axis=-1)) for each in apart]
+    return float(np.nanmedian(extents)) if np.isfinite(extents).any() else 0.0
 
 
 def _bone_lengths_m(points_m: np.ndarray, skeleton: Skeleton) -> list[float]:

@@ -25,6 +25,8 @@ OTHER_TEXT = {
     "detection/interpreters.py": "flags of uv",
     "report/contact_sheet.py": "the flag to copy from the page",
     "report/people.py": "a CSS variable",
+    "report/command.py": "the command to copy from the page",
+    "report/verdict.py": "a command in the page",
     "report/calibration/tables.py": "a CSS variable",
     "io/recording.py": "the command to calibrate a board with",
     "io/videos/writer.py": "a flag of pip",

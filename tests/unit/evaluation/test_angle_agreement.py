@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from posefuse.errors import ResultError
@@ -32,6 +32,7 @@ def test_bias_and_limits_are_those_of_known_differences():
     assert knee.correlation > 0.99
 
 
+@settings(deadline=None)
 @given(st.floats(-0.4, 0.4))
 def test_a_time_shift_is_found_to_a_tenth_of_a_frame(shift_s):
     time_s = np.arange(400) / 60.0
