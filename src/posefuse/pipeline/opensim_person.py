@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from posefuse.arrays import ranges
 from posefuse.biomechanics.anatomy.scaled import ScaledAnatomy
-from posefuse.biomechanics.inverse_kinematics import MODEL_SD_M, person_points, solve
+from posefuse.biomechanics.inverse_kinematics import MODEL_SD_M, person_points, posterior_means, solve
 from posefuse.biomechanics.marker_model import MarkerModel
 from posefuse.biomechanics.subject_fit import SubjectFit
 from posefuse.io.results.axes import y_up_from_world
@@ -89,7 +89,7 @@ def _window(layer: Layer, index: int, start: int, stop: int) -> tuple[np.ndarray
 def _coordinates(fit: SubjectFit, points_m: np.ndarray, covariance_m2: np.ndarray, vertical: np.ndarray) -> np.ndarray:
     """Return the coordinates of consecutive frames; those of the pelvis in axes with y up instead of the person's."""
     person = person_points(fit.model, points_m, covariance_m2, vertical)
-    solution = solve(fit.model, person, fit.prior)
+    solution = posterior_means(fit.model, person, solve(fit.model, person, fit.prior))
     at = fit.model.anatomy.coordinate_index
     angles = np.array([at(f"pelvis_{name}") for name in ("tilt", "list", "rotation")])
     place = np.array([at(f"pelvis_t{axis}") for axis in "xyz"])

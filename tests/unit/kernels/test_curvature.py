@@ -50,7 +50,6 @@ def test_the_mean_gradient_is_that_of_second_derivatives():
     assert np.linalg.norm(out[1] - by_parameter) < 0.03 * np.linalg.norm(by_parameter)
 
 
-@pytest.mark.no_jit
 def test_means_are_those_of_samples_of_the_posterior():
     solution = solve(MODEL, PERSON, PRIOR)
     moved = posterior_means(MODEL, PERSON, solution)
@@ -72,6 +71,7 @@ def test_means_are_those_of_samples_of_the_posterior():
     assert np.corrcoef(moved.coordinates[1] - q, shift)[0, 1] > 0.9
 
 
+@pytest.mark.no_jit
 def test_frames_without_a_solution_stay_missing():
     person = replace(PERSON, usable=np.array([True, False, True]))
     moved = posterior_means(MODEL, person, solve(MODEL, person, PRIOR))
