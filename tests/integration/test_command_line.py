@@ -4,6 +4,7 @@ import importlib
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 
@@ -459,3 +460,13 @@ def test_an_interruption_is_stated(command, resumes, run, tmp_path, monkeypatch)
     assert code == 130
     assert "Interrupted; no incomplete files remain." in err
     assert ("The same command resumes." in " ".join(err.split())) == resumes
+
+
+def test_inspection_of_many_inputs_fits_a_screen(run, recording):
+    for number in range(4):
+        shutil.copy(recording / "calibration.toml", recording / f"calibration_{number}.toml")
+        shutil.copy(recording / "keypoints.nc", recording / f"keypoints_{number}.nc")
+    output = run("inspect", recording)[1]
+    assert len(output.splitlines()) <= 25
+    assert "25 of 25 pairs match" in output
+    assert len(run("inspect", recording, "--verbose")[1].splitlines()) > 100

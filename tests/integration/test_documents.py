@@ -3,6 +3,7 @@
 import os
 import re
 import runpy
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -100,8 +101,10 @@ CODE_PAGES = [page for page in PAGES if python_blocks(page) and page.stem not in
 
 
 @pytest.mark.parametrize("page", CODE_PAGES, ids=lambda path: path.stem)
-def test_python_in_documents_runs(page: Path, workplace, monkeypatch) -> None:
-    folder, names = workplace
+def test_python_in_documents_runs(page: Path, workplace, monkeypatch, tmp_path) -> None:
+    shared, names = workplace
+    # Pages write files of the same names.
+    folder = shutil.copytree(shared, tmp_path / "documents")
     monkeypatch.chdir(folder)
     for block in python_blocks(page):
         code = compile(block, str(page), "exec")

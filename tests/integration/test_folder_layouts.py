@@ -33,7 +33,7 @@ def test_folder_layout_is_recognized_and_views_match_cameras(layout, tmp_path, c
     detections = read_detections(choose_keypoints(recording))
     rig, chosen, _ = match_views(read_cameras(choose_calibration(recording)), detections, Options())
     assert (len(rig), chosen.n_views) == (2, 2)
-    main(["inspect", str(tmp_path)])
+    main(["inspect", str(tmp_path), "--verbose"])
     output = " ".join(capsys.readouterr().out.split())
     assert f"recognized by: {recording.keypoints[0].recognized_by}" in output
     assert "2 views match 2 cameras; posefuse reconstruct can process this folder" in output
@@ -42,7 +42,7 @@ def test_folder_layout_is_recognized_and_views_match_cameras(layout, tmp_path, c
 
 def test_freemocap_times_start_at_zero(tmp_path, capsys):
     freemocap(tmp_path)
-    main(["inspect", str(tmp_path)])
+    main(["inspect", str(tmp_path), "--verbose"])
     output = " ".join(capsys.readouterr().out.split())
     assert "times read as nanoseconds" in output
     assert "rate 25 Hz" in output

@@ -150,8 +150,13 @@ def note(text: str) -> None:
     out.print(Text(_wrapped(as_flags(text), out.width)), soft_wrap=True)
 
 
-def notes(texts: Sequence[str]) -> None:
-    """Print notes; where they take many lines, only the beginnings of the first ones, except with ``--verbose``."""
+def notes(texts: Sequence[str], where: str = "in the report and with --verbose") -> None:
+    """Print notes; where they take many lines, only the beginnings of the first ones, except with ``--verbose``.
+
+    Args:
+        texts: the notes.
+        where: where they are in full.
+    """
     wrapped = [_wrapped(as_flags(f"note: {text}"), out.width) for text in texts]
     if detail.verbose or sum(text.count("\n") + 1 for text in wrapped) <= _MOST_NOTE_LINES:
         for text in texts:
@@ -161,7 +166,7 @@ def notes(texts: Sequence[str]) -> None:
     for text in shown:
         say(textwrap.shorten(f"note: {text}", min(out.width, _WIDTH), placeholder=" ..."))
     more = "in full" if len(texts) == len(shown) else f"and {len(texts) - len(shown)} more"
-    say(f"note: {more} in the report and with --verbose")
+    say(f"note: {more} {where}")
 
 
 def labeled(label: str, text: str) -> None:

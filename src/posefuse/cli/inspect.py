@@ -1,13 +1,15 @@
 """``posefuse inspect``."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Generic, TypeVar
 
 import numpy as np
 from cyclopts import Parameter
 
-from posefuse.cli.console import Bars, count, note, percent, say, table, warn
+from posefuse.cli.console import Bars, count, detail, note, notes, percent, say, table, warn
 from posefuse.cli.findings import AcceptFindings, exit_on_certain_faults
 from posefuse.cli.types import (
     CalibrationPath,
@@ -20,15 +22,18 @@ from posefuse.cli.types import (
 )
 from posefuse.errors import PosefuseError, RecordingError, choices
 from posefuse.io.open_recording import keypoint_request
-from posefuse.io.recording import RecognizedInput, find_recording, ignored_in
+from posefuse.io.recording import Ignored, RecognizedInput, find_recording, ignored_in
 from posefuse.io.videos_only import videos_only
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.findings import Finding
 from posefuse.model.options.options import Options
 
-_MOST_CAMERAS = 24
-_MOST_NAMES = 4
+_MOST_CAMERAS = {False: 8, True: 24}
+"""Rows of a table of cameras or views, without and with ``--verbose``."""
+_MOST_NAMES = {False: 1, True: 4}
+_MOST_REASONS = 3
+_IN_FULL = "with --verbose"
 
 
 @dataclass(frozen=True)
@@ -66,23 +71,16 @@ def inspect(
             f"{recording} contains no calibration and no 2D keypoints in a known format. posefuse formats lists the "
             "known formats."
         )
-    rigs = [(item.path, rig) for item in calibrations if (rig := _calibration(item, options)) is not None]
-    seen = [
-        (item.path, one)
-        for item in keypoint_sets
-        if (one := _keypoints(item, recording, timestamps, options)) is not None
-    ]
+    rigs = _show_all(calibrations, partial(_read_rig, options=options), _RIG, recording)
+    read = partial(_read_keypoints, recording=recording, timestamps=timestamps, options=options)
+    seen = _show_all(keypoint_sets, read, _KEYPOINTS, recording)
     if not keypoint_sets:
         note(videos_only(recording) or "no 2D keypoints")
     if not calibrations:
         say("no calibration")
         if len(seen) == 1 and seen[0][1].n_views == 1 and options.needs_no_poses:
             say("1 view needs no calibration; posefuse reconstruct gives its points in px")
-    ignored = ignored_in(found)
-    if ignored:
-        say("not read:")
-    for item in ignored:
-        note(f"  {choices(item.names, _MOST_NAMES)}: {item.reason}")
+    _say_ignored(ignored_in(found))
     matched = _say_matches(_Inputs(rigs, seen), options)
     if deep and len(rigs) == len(seen) == 1:
         if matched:
@@ -124,51 +122,125 @@ def _examine(rig: CameraRig, detections: Detections, options: Options) -> tuple[
     return found
 
 
-def _calibration(item: RecognizedInput, options: Options) -> CameraRig | None:
+Input = TypeVar("Input", CameraRig, Detections)
+
+
+@dataclass(frozen=True)
+class _Kind(Generic[Input]):
+    """How one kind of input is shown.
+
+    Attributes:
+        name: name of one input.
+        title: name of several.
+        columns: columns of the table of several, between format and path.
+        row: cells of an input in that table.
+        show: prints all about one input.
+    """
+
+    name: str
+    title: str
+    columns: tuple[str, ...]
+    row: Callable[[Input], tuple[str, ...]]
+    show: Callable[[Input], None]
+
+
+def _show_all(
+    items: Sequence[RecognizedInput], read: Callable[[RecognizedInput], Input], kind: _Kind[Input], folder: Path
+) -> list[tuple[Path, Input]]:
+    """Print inputs of one kind, in full if there is one or with ``--verbose``, else a row each; return those read."""
+    brief = len(items) > 1 and not detail.verbose
+    readable, rows = [], []
+    for item in items:
+        if not brief:
+            say(f"{kind.name} {item.path} ({item.format})")
+            if item.recognized_by and detail.verbose:
+                note(f"  recognized by: {item.recognized_by}")
+        try:
+            one = read(item)
+        except PosefuseError as error:
+            note(f"{item.path} ({item.format}) cannot be read: {error}" if brief else f"  cannot be read: {error}")
+            continue
+        readable.append((item.path, one))
+        if brief:
+            rows.append([f"  ({item.format})", *kind.row(one), str(_below(item.path, folder))])
+        else:
+            kind.show(one)
+    if rows:
+        title = f"1 {kind.name}" if len(rows) == 1 else f"{len(rows)} {kind.title}"
+        table(title, ["  format", *kind.columns, "path"], rows, words=True)
+    return readable
+
+
+def _below(path: Path, folder: Path) -> Path:
+    """Return a path relative to a folder that contains it."""
+    return path.relative_to(folder) if path != folder and path.is_relative_to(folder) else path
+
+
+def _say_ignored(ignored: Sequence[Ignored]) -> None:
+    """Print the files that are not read, with reasons where these take few lines."""
+    if not ignored:
+        return
+    if len(ignored) <= _MOST_REASONS or detail.verbose:
+        say("not read:")
+        for item in ignored:
+            note(f"  {choices(item.names, _MOST_NAMES[detail.verbose])}: {item.reason}")
+        return
+    names = [name for item in ignored for name in item.names]
+    note(f"not read: {choices(names, 2)}. --verbose gives the reasons.")
+
+
+def _read_rig(item: RecognizedInput, options: Options) -> CameraRig:
     from posefuse.io.calibration.read import read_cameras
 
-    say(f"calibration {item.path} ({item.format})")
-    if item.recognized_by:
-        note(f"  recognized by: {item.recognized_by}")
-    try:
-        rig = read_cameras(item.path, length_unit=options.length_unit, up=options.up)
-    except PosefuseError as error:
-        note(f"  cannot be read: {error}")
-        return None
+    return read_cameras(item.path, length_unit=options.length_unit, up=options.up)
+
+
+def _rig_row(rig: CameraRig) -> tuple[str, ...]:
+    return str(len(rig)), rig.up_text, f"x {rig.meters_per_unit:g}"
+
+
+def _show_rig(rig: CameraRig) -> None:
     say(f"  {len(rig)} cameras; up axis {rig.up_text}, lengths x {rig.meters_per_unit:g} to meters")
-    for remark in rig.notes:
-        note(f"  note: {remark}")
+    notes(rig.notes, _IN_FULL)
     rows = []
-    for camera in rig.cameras[:_MOST_CAMERAS]:
+    for camera in rig.cameras[: _most_cameras()]:
         size = f"{camera.size_px[0]} x {camera.size_px[1]}"
         at = " ".join(f"{value:.2f}" for value in camera.center_m)
         rows.append([f"  {camera.name}", size, f"{camera.matrix[0, 0]:.0f}", str(camera.lens), at])
     table(None, ["  camera", "size px", "focal px", "lens", "position m"], rows)
-    if len(rig) > _MOST_CAMERAS:
-        say(f"  and {len(rig) - _MOST_CAMERAS} more, up to {rig.names[-1]}")
-    return rig
+    if len(rig) > _most_cameras():
+        say(f"  and {len(rig) - _most_cameras()} more, up to {rig.names[-1]}")
 
 
-def _keypoints(item: RecognizedInput, recording: Path, timestamps: Path | None, options: Options) -> Detections | None:
+def _most_cameras() -> int:
+    return _MOST_CAMERAS[detail.verbose]
+
+
+def _read_keypoints(item: RecognizedInput, recording: Path, timestamps: Path | None, options: Options) -> Detections:
     from posefuse.io.keypoints.read import read_keypoints
 
-    say(f"keypoints {item.path} ({item.format})")
-    if item.recognized_by:
-        note(f"  recognized by: {item.recognized_by}")
-    try:
-        request = keypoint_request(recording, item.path, options, Bars(), timestamps)
-        detections = read_keypoints(item.path, request)
-    except PosefuseError as error:
-        note(f"  cannot be read: {error}")
-        return None
+    return read_keypoints(item.path, keypoint_request(recording, item.path, options, Bars(), timestamps))
+
+
+def _keypoints_row(detections: Detections) -> tuple[str, ...]:
+    people = detections.people_counts[detections.recorded]
+    span = f"{people.min()} to {people.max()}" if len(people) else "0"
+    return detections.skeleton.name, str(detections.n_views), str(detections.n_frames), span
+
+
+def _show_keypoints(detections: Detections) -> None:
     rate = "unknown (--rate-hz)" if detections.rate_hz is None else f"{detections.rate_hz:g} Hz"
     first, last = detections.frame_numbers[[0, -1]]
     say(f"  skeleton {detections.skeleton.name}, {len(detections.skeleton)} keypoints; rate {rate}")
     say(f"  frames {first} to {last}{_span(detections)}")
-    for remark in detections.notes:
-        note(f"  note: {remark}")
+    notes(detections.notes, _IN_FULL)
     _views_table(detections)
-    return detections
+
+
+_RIG: _Kind[CameraRig] = _Kind("calibration", "calibrations", ("cameras", "up axis", "to meters"), _rig_row, _show_rig)
+_KEYPOINTS: _Kind[Detections] = _Kind(
+    "keypoints", "sets of keypoints", ("skeleton", "views", "frames", "people"), _keypoints_row, _show_keypoints
+)
 
 
 def _span(detections: Detections) -> str:
@@ -181,7 +253,7 @@ def _views_table(detections: Detections) -> None:
     counts = detections.people_counts
     missing = _missing_shares(detections)
     rows = []
-    for v, name in enumerate(detections.view_names[:_MOST_CAMERAS]):
+    for v, name in enumerate(detections.view_names[: _most_cameras()]):
         recorded = detections.recorded[:, v]
         people = counts[recorded, v] if recorded.any() else np.zeros(1, dtype=np.int64)
         rate = _rate_hz(detections, v)
@@ -196,8 +268,8 @@ def _views_table(detections: Detections) -> None:
             ]
         )
     table(None, ["  view", "frames", "missing", "Hz", "people", "keypoints missing"], rows)
-    if detections.n_views > _MOST_CAMERAS:
-        say(f"  and {detections.n_views - _MOST_CAMERAS} more, up to {detections.view_names[-1]}")
+    if detections.n_views > _most_cameras():
+        say(f"  and {detections.n_views - _most_cameras()} more, up to {detections.view_names[-1]}")
 
 
 def _rate_hz(detections: Detections, view: int) -> float | None:
@@ -232,24 +304,24 @@ def _say_matches(read: _Inputs, options: Options) -> bool:
     for path, detections in read.detections:
         for where, rig in read.rigs:
             try:
-                matched, chosen, notes = match_views(rig, detections, options)
+                matched, chosen, remarks = match_views(rig, detections, options)
             except PosefuseError as error:
                 refused.append(str(error))
                 continue
             views = count(chosen.n_views, "view")
             words = f"{views} {'matches' if chosen.n_views == 1 else 'match'} {count(len(matched), 'camera')}"
-            said.append((words, f"  --calibration '{where}'\n  --keypoints '{path}'", notes))
+            said.append((words, f"  --calibration '{where}'\n  --keypoints '{path}'", remarks))
     if refused and not said:
         warn(f"views and cameras do not match: {refused[0]}")
-    told: set[str] = set()
-    for words, flags, notes in said:
-        for remark in notes:
-            if remark not in told:
-                note(f"note: {remark}")
-        told.update(notes)
-        say(
-            f"{words}; posefuse reconstruct can process this folder"
-            if single
-            else f"{words}; to reconstruct, add\n{flags}"
-        )
+    notes(list(dict.fromkeys(remark for _, _, remarks in said for remark in remarks)), _IN_FULL)
+    if single:
+        for words, _, _ in said:
+            say(f"{words}; posefuse reconstruct can process this folder")
+    elif detail.verbose or len(said) == 1:
+        for words, flags, _ in said:
+            say(f"{words}; to reconstruct, add\n{flags}")
+    elif said:
+        pairs = len(read.rigs) * len(read.detections)
+        say(f"{len(said)} of {pairs} pairs match. To reconstruct, choose one (--verbose lists them), such as")
+        say(said[0][1])
     return bool(said)

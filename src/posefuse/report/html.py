@@ -22,7 +22,7 @@ from posefuse.report.header import facts_line, page_title, verdict_box
 from posefuse.report.heat_map import HeatMap, gather_heat_map, heat_map_data
 from posefuse.report.highlights import highlights_section
 from posefuse.report.left_right_swaps import swap_section, swap_timeline
-from posefuse.report.movement import movement_data, movement_section
+from posefuse.report.movement import SIDES_KEY, movement_data, movement_section
 from posefuse.report.page import asset, document, safe_json, script
 from posefuse.report.people import people_section, summarize_people, track_timeline
 from posefuse.report.scene import display_stride, scene_data
@@ -39,7 +39,6 @@ _SCRIPTS = (
     "timeline.js", "charts.js", "page.js",
 )  # fmt: skip
 """Parts of one script, in this order."""
-_SIDES_HINT = '<span class="left">Left</span>, <span class="right">right</span>'
 _PEOPLE_HINT = "One color per person, names above their heads"
 
 
@@ -146,7 +145,7 @@ SECTIONS = (
         "highlights",
         lambda page: highlights_section(page.result, page.summary, page.heat_map, page.series, page.gaps),
     ),
-    Section("sides", lambda page: _PEOPLE_HINT if page.has_several_people else _SIDES_HINT),
+    Section("sides", lambda page: _PEOPLE_HINT if page.has_several_people else SIDES_KEY),
     Section("videos", lambda page: escape(videos_sentence(page.videos.videos, page.videos.notes))),
     Section("accuracy", lambda page: tables.accuracy_table(page.accuracy)),
     Section("movement", lambda page: movement_section(page.result, page.gait)),

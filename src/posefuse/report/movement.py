@@ -15,6 +15,7 @@ from posefuse.model.reconstruction import Reconstruction
 from posefuse.report.matplotlib_extra import BLUE, ORANGE
 from posefuse.report.series import TimeSeries, mean_per_interval
 
+SIDES_KEY = '<span class="left">Left</span>, <span class="right">right</span>'
 SIDE_COLORS = {"left": BLUE, "right": ORANGE}
 _CLINICAL = tuple(
     f"{name}_deg"
@@ -57,19 +58,15 @@ def movement_section(result: Reconstruction, gait: Mapping[str, Gait]) -> str:
     if any(each.cycles for each in gait.values()):
         parts.append(
             "<section><h2>Gait cycles</h2><p>Mean from heel strike to heel strike, and one standard deviation over "
-            f'cycles (<span id="cycle-numbers"></span>). Dotted lines mark toe-off. {_sides_key()} '
+            f'cycles (<span id="cycle-numbers"></span>). Dotted lines mark toe-off. {SIDES_KEY}. '
             '<span id="cycle-people"></span></p><div id="cycles" class="multiples"></div></section>'
         )
     if result.joint_angles is not None and _shown_angles(result.joint_angles):
         parts.append(
-            f"<section><h2>Joint angles</h2><p>Degrees over time, with one standard deviation. {_sides_key()} "
+            f"<section><h2>Joint angles</h2><p>Degrees over time, with one standard deviation. {SIDES_KEY}. "
             '<span id="angle-people"></span></p><div id="angles" class="multiples"></div></section>'
         )
     return f'<div id="movement">{"".join(parts)}</div>' if parts else ""
-
-
-def _sides_key() -> str:
-    return '<span class="left">Left</span>, <span class="right">right</span>.'
 
 
 def _parameter_table(person: str, gait: Gait, named: bool) -> str:
