@@ -33,6 +33,7 @@ _MOST_CAMERAS = {False: 8, True: 24}
 """Rows of a table of cameras or views, without and with ``--verbose``."""
 _MOST_NAMES = {False: 1, True: 4}
 _MOST_REASONS = 3
+_SMALL_RIG_M = 1.0
 _IN_FULL = "with --verbose"
 
 
@@ -203,11 +204,14 @@ def _show_rig(rig: CameraRig) -> None:
     say(f"  {len(rig)} cameras; up axis {rig.up_text}, lengths x {rig.meters_per_unit:g} to meters")
     notes(rig.notes, _IN_FULL)
     rows = []
+    # Positions in a unit that suits the size of the rig.
+    apart_m = float(np.ptp([camera.center_m for camera in rig.cameras], axis=0).max())
+    unit, scale, digits = ("mm", 1000.0, 0) if apart_m < _SMALL_RIG_M else ("m", 1.0, 2)
     for camera in rig.cameras[: _most_cameras()]:
         size = f"{camera.size_px[0]} x {camera.size_px[1]}"
-        at = " ".join(f"{value:.2f}" for value in camera.center_m)
+        at = " ".join(f"{scale * value:.{digits}f}" for value in camera.center_m)
         rows.append([f"  {camera.name}", size, f"{camera.matrix[0, 0]:.0f}", str(camera.lens), at])
-    table(None, ["  camera", "size px", "focal px", "lens", "position m"], rows)
+    table(None, ["  camera", "size px", "focal px", "lens", f"position {unit}"], rows)
     if len(rig) > _most_cameras():
         say(f"  and {len(rig) - _most_cameras()} more, up to {rig.names[-1]}")
 

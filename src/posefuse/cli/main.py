@@ -3,13 +3,13 @@
 import sys
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 from cyclopts.config import Dict as DictConfig
 from rich.text import Text
 
-from posefuse.cli.console import detail, err, print_problem, print_time, print_warnings
+from posefuse.cli.console import detail, err, print_plain, print_problem, print_time, print_warnings
 from posefuse.cli.help import HelpFormatter
 from posefuse.errors import OptionsError, PosefuseError
 
@@ -83,8 +83,15 @@ def launch(
     options: Annotated[Path | None, Parameter(help="TOML file of options (posefuse init); flags override it.")] = None,
     help_all: Annotated[bool, Parameter(negative="", help="Show every option.")] = False,
     verbose: Annotated[bool, Parameter(negative="", help="Print every note, row and file name.")] = False,
+    completion: Annotated[
+        Literal["bash", "zsh", "fish"] | None, Parameter(help="Print the script by which a shell completes posefuse.")
+    ] = None,
 ) -> object:
     """Run a command, with options from a file if one is given."""
+    if completion is not None:
+        from posefuse.cli.completion import completion_script
+
+        return print_plain(completion_script(app, COMMANDS, completion))
     _HELP.show_all = help_all
     detail.verbose = verbose
     if help_all:
