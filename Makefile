@@ -12,7 +12,7 @@ demo: .venv/.installed
 	$(BIN)/posefuse demo --output demo
 
 test: .venv/.installed-dev
-	sh scripts/compile_kernels.sh
+	$(BIN)/posefuse warm-up
 	$(PYTEST) -n 2
 	NUMBA_DISABLE_JIT=1 $(PYTEST) -n 2 -m no_jit
 

@@ -98,6 +98,7 @@ RESUMES: dict[str, Callable[[Inputs], Arguments]] = {
 WRITES_NOTHING: dict[str, Callable[[Inputs], Arguments]] = {
     "inspect": lambda given: (given.recording, "--deep"),
     "doctor": lambda given: (),
+    "warm-up": lambda _: (),
     "explain": lambda given: (given.result, "--frame", 3),
     "stream": lambda given: ("--calibration", given.recording / "calibration.toml", "--skeleton", "halpe_26"),
     "replay": lambda given: (given.recording,),

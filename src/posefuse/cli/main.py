@@ -63,6 +63,7 @@ COMMANDS = {
     "batch": "Reconstruct many recordings.",
     "opensim": "Scale an OpenSim model to each person and run inverse kinematics.",
     "plot": "Draw a result's figures as PNG and SVG.",
+    "warm-up": "Compile the kernels before the first recording.",
     "doctor": "Check the installation, and what each command lacks.",
     "demo": "Simulate, reconstruct, evaluate and report.",
     "init": "Write a commented project file.",

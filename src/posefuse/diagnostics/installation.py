@@ -82,7 +82,7 @@ def examine_installation() -> Installation:
     """Return what is installed, without loading any of it."""
     versions = {"posefuse": importlib.metadata.version("posefuse"), "python": platform.python_version()}
     versions |= {name: importlib.metadata.version(name) for name in _CORE}
-    cache = _cache_folder()
+    cache = kernel_cache()
     kernels = [path for pattern in ("*.nbc", "*.nbi") for path in cache.rglob(pattern)]
     return Installation(
         versions,
@@ -98,7 +98,7 @@ def examine_installation() -> Installation:
     )
 
 
-def _cache_folder() -> Path:
+def kernel_cache() -> Path:
     """Return the folder of compiled kernels: ``NUMBA_CACHE_DIR``, or beside the code."""
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     return Path(chosen) if chosen else Path(__file__).parents[1]

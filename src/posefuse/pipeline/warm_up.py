@@ -1,0 +1,75 @@
+"""Compile the kernels before the first recording, for images of containers and for machines of a cluster."""
+
+import multiprocessing
+import tempfile
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+
+from posefuse.arguments import checked
+from posefuse.errors import OptionsError
+from posefuse.io.calibration import anipose
+from posefuse.io.keypoints import native
+from posefuse.model.options.options import Options
+from posefuse.pipeline.reconstruct_recording import reconstruct_recording
+from posefuse.progress import Progress, Silent
+from posefuse.synthetic.crowd_options import CrowdOptions
+from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
+from posefuse.synthetic.options import SceneOptions
+from posefuse.synthetic.scenes import Scene, simulate
+
+_DURATION_S = 2.0
+
+
+def _one_subject(folder: Path) -> None:
+    _write(simulate(SceneOptions(duration_s=_DURATION_S, activities=("walk",))), folder)
+    for solve in ("frame", "trajectory"):
+        reconstruct_recording(folder, folder / solve, Options(solve=solve))
+
+
+def _several_people(folder: Path) -> None:
+    _write(simulate_crowd(CrowdOptions(people=2, duration_s=_DURATION_S)), folder)
+    reconstruct_recording(folder, folder / "result", Options(people="many"))
+
+
+TASKS: Mapping[str, Callable[[Path], None]] = {"one subject": _one_subject, "several people": _several_people}
+"""Work that needs most kernels; each is a process of its own, since processes do not share what they compile."""
+
+
+@checked
+def warm_up(jobs: int = 2, *, progress: Progress | None = None) -> Sequence[str]:
+    """Compile and store the kernels for one subject and for several people, by reconstructing short simulated scenes.
+
+    Args:
+        jobs: number of processes.
+        progress: receives the progress.
+
+    Returns:
+        What is ready.
+
+    Raises:
+        OptionsError: if ``jobs`` is less than 1.
+    """
+    if jobs < 1:
+        raise OptionsError(f"jobs must be at least 1, got {jobs}.")
+    progress = progress or Silent()
+    progress.start("compiling", len(TASKS))
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(min(jobs, len(TASKS)), mp_context=context) as pool:
+        for done in as_completed([pool.submit(_run, name) for name in TASKS]):
+            done.result()
+            progress.advance(1)
+    progress.finish()
+    return tuple(TASKS)
+
+
+def _run(name: str) -> None:
+    warnings.simplefilter("ignore")  # Short simulated scenes have findings that are of no interest.
+    with tempfile.TemporaryDirectory() as folder:
+        TASKS[name](Path(folder))
+
+
+def _write(scene: Scene | CrowdScene, folder: Path) -> None:
+    anipose.write(scene.rig, folder / "calibration.toml")
+    native.write(scene.detections, folder / "keypoints.nc")
