@@ -1,9 +1,9 @@
-"""Write the animation at the top of the README: ``readme_picture.py DATA [--output FILE]``.
+"""Write the animation at the top of the README: ``readme_picture.py DATA``.
 
 It reconstructs the demo recording of Pose2Sim (BSD-3-Clause) and photographs the report page frame by frame: the four
-videos with the skeleton on them, and the scene, which turns slowly. ``DATA`` holds ``pose2sim/balancing_one_person/pose``
-and ``pose2sim/calibration``, the keypoints and the calibration, and ``pose2sim_videos/videos``. Nothing of it is copied
-into the repository. Needs Chromium, playwright, numpy and Pillow.
+videos with the skeleton on them, and the scene, which turns slowly. ``DATA`` is a folder with the keypoints
+``pose2sim/balancing_one_person/pose``, the calibration ``pose2sim/calibration/Calib.qca.txt`` and the videos
+``pose2sim_videos/videos``. Needs Chromium, playwright and Pillow.
 """
 
 import argparse
@@ -26,16 +26,22 @@ SHOWN, DURATION_MS = 90, 50
 """Images of the loop, which plays at half speed, forward and backward, and the duration of each."""
 PANE, GAP, SCENE = (200, 266), 4, (552, 536)
 """Sizes in pixels: of a video, between two of them, and of the scene."""
-CROPS = {"cam_01": (0.10, 0.09, 0.90), "cam_02": (0.11, 0.08, 0.85), "cam_03": (0.10, 0.15, 0.80), "cam_04": (0.10, 0.16, 0.86)}
+CROPS = {
+    "cam_01": (0.04, 0.10, 0.96),
+    "cam_02": (0.11, 0.08, 0.85),
+    "cam_03": (0.00, 0.14, 0.86),
+    "cam_04": (0.08, 0.13, 0.92),
+}
 """What is shown of each video: left, top and width, as shares of its width and height."""
-START, WIDER, TURN, TILT = (-0.85, 0.03), -60.0, 0.4, 0.03
+START, WIDER, TURN, TILT = (-0.88, -0.05), -240.0, 0.28, 0.02
 MARGIN = 32
 """Pixels above and below the scene that are cut off, with its labels."""
 _GRAPHICS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
 _RADIANS_PER_PX = 0.008
 _STYLE = f"""body > * {{ visibility: hidden; }} #sections {{ display: none; }}
 #scene, #film {{ position: fixed !important; z-index: 99; top: 0; visibility: visible; margin: 0; }}
-#scene {{ left: 0; width: {SCENE[0]}px; height: {SCENE[1] + 2 * MARGIN}px !important; border: 0 !important; border-radius: 0 !important; }}
+#scene {{ left: 0; width: {SCENE[0]}px; height: {SCENE[1] + 2 * MARGIN}px !important; }}
+#scene {{ border: 0 !important; border-radius: 0 !important; }}
 #film {{ left: 600px; width: 560px; background: #000; }}
 #video-frame {{ max-width: none !important; }}"""
 
@@ -45,7 +51,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Write the animation at the top of the README.")
     parser.add_argument("data", type=Path)
     parser.add_argument("--output", type=Path, default=OUTPUT)
-    parser.add_argument("--theme", choices=["dark", "light"], default="dark")
+    parser.add_argument("--theme", choices=["light", "dark"], default="light")
     parser.add_argument("--quality", type=int, default=62)
     parser.add_argument("--images", type=Path, help="folder for the single images, as PNG")
     request = parser.parse_args()
@@ -66,8 +72,10 @@ def _reconstruct(data: Path, folder: Path) -> Path:
     # Two cameras of the recording are 12 and 23 px off; the person adjusts them.
     original, refined = data / "pose2sim" / "calibration" / "Calib.qca.txt", folder / "refined.toml"
     _posefuse("refine-calibration", recording, "--calibration", original, *keypoints, "--output", refined)
+    # The treadmill on which the person stands is 5 cm above the calibration's floor.
+    floor = ["--align.floor-points-m", *map(str, (0, 0, 0.05, 1, 0, 0.05, 0, 1, 0.05))]
     output = folder / "Balancing"
-    _posefuse("reconstruct", recording, "--calibration", refined, *keypoints, "--align.floor", "feet", "--output", output)
+    _posefuse("reconstruct", recording, "--calibration", refined, *keypoints, *floor, "--output", output)
     _posefuse("report", output, "--video", data / "pose2sim_videos" / "videos", "--overwrite")
     return output / "report.html"
 
@@ -81,7 +89,9 @@ def _photograph(report: Path, theme: str) -> list[Image.Image]:
     with sync_playwright() as driver:
         opened = driver.chromium.launch(executable_path=browser, args=list(_GRAPHICS))
         page = opened.new_page(
-            viewport={"width": 1200, "height": 900}, device_scale_factor=2, color_scheme="dark" if theme == "dark" else "light"
+            viewport={"width": 1200, "height": 900},
+            device_scale_factor=2,
+            color_scheme="dark" if theme == "dark" else "light",
         )
         page.goto(report.as_uri())
         page.wait_for_function("document.querySelector('#keypoint-errors .js-plotly-plot')", timeout=120_000)
@@ -106,7 +116,10 @@ def _frame(n: int) -> int:
 
 
 def _show(page: Page, frame: int) -> None:
-    page.evaluate("(f) => { const s = document.getElementById('scrub'); s.value = f; s.dispatchEvent(new Event('input')); }", frame)
+    page.evaluate(
+        "(f) => { const s = document.getElementById('scrub'); s.value = f; s.dispatchEvent(new Event('input')); }",
+        frame,
+    )
 
 
 def _settle(page: Page) -> None:
@@ -160,7 +173,7 @@ def _calm(images: dict[int, Image.Image]) -> dict[int, Image.Image]:
     still = np.median(stack, axis=0).astype(np.int16)
     calm = {}
     for f, image in zip(images, stack, strict=True):
-        moved = Image.fromarray(np.uint8(255 * (np.abs(image - still).max(axis=-1) > 26)))
+        moved = Image.fromarray(np.uint8(255 * (np.abs(image - still).max(axis=-1) > 20)))
         share = np.asarray(moved.resize((PANE[0] // 4, PANE[1] // 4), Image.Resampling.BOX), dtype=float) / 255
         wide = Image.fromarray(np.uint8(255 * (share > 0.12))).resize(PANE, Image.Resampling.BILINEAR)
         weight = np.asarray(wide, dtype=float)[..., None] / 255
@@ -168,20 +181,29 @@ def _calm(images: dict[int, Image.Image]) -> dict[int, Image.Image]:
     return calm
 
 
-def _compose(paper: tuple[int, int, int], scene: Image.Image, films: dict[str, dict[int, Image.Image]], frame: int) -> Image.Image:
+def _compose(
+    paper: tuple[int, int, int], scene: Image.Image, films: dict[str, dict[int, Image.Image]], frame: int
+) -> Image.Image:
     image = Image.new("RGB", (2 * PANE[0] + 2 * GAP + SCENE[0], SCENE[1]), paper)
     ink, font = ImageDraw.Draw(image), ImageFont.load_default(size=12)
     for number, (name, pictures) in enumerate(films.items()):
         corner = (number % 2 * (PANE[0] + GAP), number // 2 * (PANE[1] + GAP))
         image.paste(pictures[frame], corner)
-        ink.text((corner[0] + 7, corner[1] + PANE[1] - 20), name, (255, 255, 255), font, stroke_width=1, stroke_fill=(0, 0, 0))
+        ink.text(
+            (corner[0] + 7, corner[1] + PANE[1] - 20),
+            name,
+            (255, 255, 255),
+            font,
+            stroke_width=1,
+            stroke_fill=(0, 0, 0),
+        )
     image.paste(scene, (2 * (PANE[0] + GAP), 0))
     return image
 
 
 def _write(images: list[Image.Image], output: Path, quality: int) -> None:
     images[0].save(
-        output, save_all=True, append_images=images[1:], duration=DURATION_MS, loop=0, quality=quality, method=6, minimize_size=True
+        output, save_all=True, append_images=images[1:], duration=DURATION_MS, loop=0, quality=quality, method=4
     )
 
 
