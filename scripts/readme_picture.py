@@ -24,6 +24,8 @@ FRAMES = 100
 """Frames of the recording: 60 per second."""
 SHOWN, DURATION_MS = 90, 50
 """Images of the loop, which plays at half speed, forward and backward, and the duration of each."""
+FIRST = 18
+"""The image that the loop starts with, which is shown where nothing moves."""
 PANE, GAP, SCENE = (200, 266), 4, (552, 536)
 """Sizes in pixels: of a video, between two of them, and of the scene."""
 CROPS = {
@@ -52,12 +54,13 @@ def main() -> None:
     parser.add_argument("data", type=Path)
     parser.add_argument("--output", type=Path, default=OUTPUT)
     parser.add_argument("--theme", choices=["light", "dark"], default="light")
-    parser.add_argument("--quality", type=int, default=62)
+    parser.add_argument("--quality", type=int, default=74)
     parser.add_argument("--images", type=Path, help="folder for the single images, as PNG")
     request = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         report = _reconstruct(request.data, Path(folder))
         images = _photograph(report, request.theme)
+    images = images[FIRST:] + images[:FIRST]
     if request.images:
         request.images.mkdir(parents=True, exist_ok=True)
         for n, image in enumerate(images):
