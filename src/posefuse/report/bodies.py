@@ -13,6 +13,7 @@ _HUMAN_RADII = {
     "toe": 0.014, "neck": 0.028, "pelvis": 0.055, "spine": 0.055, "thorax": 0.055,
 }  # fmt: skip
 """Radii as shares of stature: half the breadths and depths of limbs in tables of anthropometry of adults."""
+_CROWN = ("head", "head_top")
 _HUMAN_OTHER, _HAND, _FACE = 0.010, 0.005, 0.002
 _HEAD, _NECK = (0.042, 0.062, 0.048), (0.028, 0.060, 0.030)
 _CHEST, _BELLY = (0.085, 0.125, 0.058), (0.080, 0.080, 0.060)
@@ -69,6 +70,9 @@ def _human_radii(skeleton: Skeleton) -> list[float]:
         next((radius for part, radius in _HUMAN_RADII.items() if part in name), _HUMAN_OTHER)
         for name in skeleton.keypoints
     ]
+    if {"left_ear", "right_ear"} <= set(skeleton.keypoints):
+        # The ellipsoid of the head has its own height, and the top of the head may be above it.
+        radii = [_FACE if name in _CROWN else radius for name, radius in zip(skeleton.keypoints, radii, strict=True)]
     for part in skeleton.parts:
         for k in part.keypoints:
             radii[int(k)] = _HAND if "hand" in part.name else _FACE

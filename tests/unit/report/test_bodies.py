@@ -42,3 +42,9 @@ def test_heads_hide_no_bones_of_animals():
     names = {shipped_skeleton("halpe_26").edges[e] for e in shown}
     assert ("nose", "left_eye") in names
     assert ("neck", "left_shoulder") not in names
+
+
+def test_no_ball_is_drawn_at_the_top_of_a_head_with_ears():
+    skeleton = shipped_skeleton("body_25b")
+    radii = dict(zip(skeleton.keypoints, body_shapes(points_of("halpe_26")[:, :, :25], skeleton)["radii"], strict=True))
+    assert radii["head_top"] < 0.3 * radii["nose"]
