@@ -9,6 +9,7 @@ from posefuse.errors import FileError
 from posefuse.io.recording import find_recording, ignored_in
 from tests.layouts import (
     VIEWS,
+    opencap_download,
     opencap_pickles,
 )
 
@@ -28,6 +29,16 @@ def test_trials_of_opencap_are_separate_recordings(tmp_path):
         read_detections(tmp_path / "Videos")
     left = {name for each in ignored_in(recording) for name in each.names}
     assert left == {f"Videos/{camera}/OutputPkl_default/jump/jump_rotated.pkl" for camera in VIEWS}
+
+
+def test_trials_of_a_downloaded_session_are_separate_recordings(tmp_path):
+    opencap_download(tmp_path)
+    for camera in VIEWS:
+        folder = tmp_path / "Videos" / camera / "OutputPkl"
+        (folder / "jump_keypoints.pkl").write_bytes((folder / "walk_keypoints.pkl").read_bytes())
+    recording = find_recording(tmp_path)
+    assert [item.path.name for item in recording.keypoints] == ["jump_keypoints.pkl", "walk_keypoints.pkl"]
+    assert read_detections(recording.keypoints[0].path).view_names == VIEWS
 
 
 @pytest.mark.parametrize(
