@@ -41,6 +41,15 @@ def test_trials_of_a_downloaded_session_are_separate_recordings(tmp_path):
     assert read_detections(recording.keypoints[0].path).view_names == VIEWS
 
 
+@pytest.mark.parametrize("layout", [opencap_pickles, opencap_download])
+def test_frame_rate_of_the_session_applies_to_one_trial(layout, tmp_path):
+    layout(tmp_path / "session")
+    (tmp_path / "session" / "sessionMetadata.yaml").write_text("framerate: 120\n")
+    detections = read_detections(find_recording(tmp_path / "session").keypoints[0].path)
+    file = next((tmp_path / "session").rglob("walk_*.pkl"))
+    assert read_detections(file).rate_hz == detections.rate_hz == 120.0
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [
