@@ -1,6 +1,7 @@
 """Recordings in the folder layouts of other programs."""
 
 import json
+import shutil
 
 import numpy as np
 
@@ -46,7 +47,10 @@ def skellycam_times(folder, name, time_s):
 
 
 def anipose_session(folder):
+    """Write a session with the videos of the board beside the calibration, as Anipose stores them."""
     anipose.write(SCENE.rig, folder / "calibration" / "calibration.toml")
+    for name in ("board-camA.avi", "zoom-camB.avi"):
+        (folder / "calibration" / name).touch()
     predictions(folder / "pose-2d", "2019-08-02-vid01-{camera}.csv", cameras=VIEWS)
     (folder / "videos-raw").mkdir()
     (folder / "videos-raw" / "vid.avi").touch()
@@ -66,6 +70,17 @@ def opencap(folder):
 def opencap_pickles(folder):
     calibrations.opencap(SCENE.rig, folder / "Videos")
     keypoint_files.opencap(SCENE.detections, folder / "Videos")
+
+
+def opencap_download(folder):
+    """Write a session as OpenCap's web application exports it."""
+    opencap_pickles(folder)
+    for file in list(folder.glob("Videos/*/OutputPkl_default/walk/walk_rotated_pp.pkl")):
+        camera = file.parents[2]
+        (camera / "OutputPkl").mkdir()
+        file.rename(camera / "OutputPkl" / "walk_keypoints.pkl")
+        shutil.rmtree(camera / "OutputPkl_default")
+    (folder / "Videos" / "mappingCamDevice.pickle").write_bytes(b"the cameras of the devices")
 
 
 def caliscope(folder):

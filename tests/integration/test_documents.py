@@ -3,11 +3,13 @@
 import os
 import re
 import runpy
+import shlex
 import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -187,3 +189,45 @@ def test_pages_do_not_use_former_names_of_options(page: Path) -> None:
     former = {key for name in RENAMED for key in (name, name.rpartition(".")[2])} - current
     quoted = set(re.findall(r"`(?:--)?([a-z][a-z0-9_.-]*)`", page.read_text("utf-8")))
     assert not {name for name in quoted if name.replace("-", "_") in former}
+
+
+MIGRATION = sorted((ROOT / "docs" / "migrate").glob("*.md"))
+
+
+def commands_in(page: Path) -> list[list[str]]:
+    """Return the words of the commands in the shell blocks of a page."""
+    blocks = "".join(re.findall(r"(?ms)^```sh\n(.*?)^```", page.read_text("utf-8")))
+    return [shlex.split(line, comments=True)[1:] for line in blocks.splitlines() if line.startswith("posefuse ")]
+
+
+@pytest.mark.parametrize("page", MIGRATION, ids=lambda page: page.stem)
+def test_options_in_migration_pages_exist(page: Path) -> None:
+    dotted = set(re.findall(r"`(?:--)?([a-z_-]+(?:\.[a-z_-]+)+)`", " ".join(right_columns(page))))
+    unknown = {name for name in dotted if name.replace("-", "_") not in options_by_name()}
+    assert unknown == set()
+    for command in commands_in(page):
+        flags = {word.split("=")[0] for word in command if word.startswith("--")}
+        assert flags - flags_of(command[0]) == set()
+
+
+@cache
+def flags_of(command: str) -> set[str]:
+    """Return the flags that the help of a command lists."""
+    done = subprocess.run(
+        [sys.executable, "-m", "posefuse", command, "--help-all"],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "COLUMNS": "200"},
+    )
+    return set(re.findall(r"--[a-z0-9_.-]+", done.stdout))
+
+
+def right_columns(page: Path) -> Iterator[str]:
+    """Yield the second column of the tables whose second column has the title "option"."""
+    inside = False
+    for line in page.read_text("utf-8").splitlines():
+        cells = [cell.strip() for cell in line.split(" | ")]
+        inside = line.startswith("|") and (inside or (len(cells) > 1 and cells[1].strip(" |") == "option"))
+        if inside and len(cells) > 1:
+            yield cells[1]

@@ -12,6 +12,7 @@ from tests.layouts import (
     easymocap,
     freemocap,
     opencap,
+    opencap_download,
     opencap_pickles,
 )
 
@@ -21,6 +22,7 @@ LAYOUTS = {
     easymocap: ("easymocap", "easymocap"),
     opencap: ("opencap", "openpose"),
     opencap_pickles: ("opencap", "opencap"),
+    opencap_download: ("opencap", "opencap"),
     caliscope: ("caliscope", "caliscope"),
 }
 

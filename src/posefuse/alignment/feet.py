@@ -28,6 +28,9 @@ _MIN_SPREAD_M = 0.15
 """Feet within a narrower band do not determine a plane."""
 
 _LOW_QUANTILE = 0.25
+_HEIGHT_SD_M = 0.02
+"""Spread of the heights of different keypoints of a foot above its sole."""
+
 _JACKKNIFE_GROUPS = 10
 CALIBRATED_UP_SD_DEG = 2.0
 """Standard deviation of a calibration's up direction: a board on the floor, or a wand, is leveled to about this
@@ -83,7 +86,8 @@ def floor_from_feet(
             unknown.
     """
     columns, height_m = foot_columns(skeleton)
-    still = np.concatenate([_still_points(part[:, :, columns]) for part in points_m])
+    parts = [_still_points(part[:, :, columns]) for part in points_m]
+    still, keypoint = (np.concatenate(each) for each in zip(*parts, strict=True))
     if len(still) < _MIN_POINTS:
         raise DetectionsError(
             f"align.floor = 'feet' needs at least {_MIN_POINTS} positions of stationary feet, but found {len(still)}. "
@@ -106,7 +110,8 @@ def floor_from_feet(
     if (body - plane.point_m) @ plane.normal <= 0:
         plane = replace(plane, normal=-plane.normal)
     if not plane.uses_up:
-        plane = _combine_with_up(plane, _normal_covariance(still, plane.normal, seed), up, np.radians(up_sd_deg))
+        covariance = _normal_covariance(still, plane.normal, seed) + _height_covariance(still, keypoint, plane)
+        plane = _combine_with_up(plane, covariance, up, np.radians(up_sd_deg))
     return replace(plane, point_m=plane.point_m - height_m * plane.normal)
 
 
@@ -134,6 +139,24 @@ def _normal_covariance(points: np.ndarray, normal: np.ndarray, seed: int) -> np.
         normals.append(found if found @ normal > 0 else -found)
     off = np.array(normals) - np.mean(normals, axis=0)
     return (_JACKKNIFE_GROUPS - 1) / _JACKKNIFE_GROUPS * off.T @ off
+
+
+def _height_covariance(points: np.ndarray, keypoint: np.ndarray, plane: Plane) -> np.ndarray:
+    """Return the covariance of the normal that comes from the keypoints' unknown heights above the sole, shape (3, 3).
+
+    The heights are the same in all frames, so that the jackknife does not see them. They turn the plane of a person who
+    stands in one place, and hardly that of one who walks about.
+
+    Args:
+        points: shape (point, 3).
+        keypoint: shape (point,): index of each point's keypoint.
+        plane: plane through the points.
+    """
+    inside = np.eye(3) - np.outer(plane.normal, plane.normal)
+    away = (points - points.mean(axis=0)) @ inside
+    sums = np.stack([away[keypoint == k].sum(axis=0) for k in np.unique(keypoint)]) / len(points)
+    gain = sums @ np.linalg.pinv(away.T @ away / len(points), rcond=1e-9, hermitian=True)
+    return _HEIGHT_SD_M**2 * gain.T @ gain
 
 
 def _combine_with_up(plane: Plane, covariance: np.ndarray, up: np.ndarray | None, up_sd: float) -> Plane:
@@ -170,16 +193,17 @@ def foot_columns(skeleton: Skeleton) -> tuple[list[int], float]:
     )
 
 
-def _still_points(feet_m: np.ndarray) -> np.ndarray:
-    """Return the positions of foot keypoints (frame, person, keypoint, 3) that hardly move, shape (point, 3)."""
-    if len(feet_m) < 3:
-        return np.zeros((0, 3))
-    step = np.linalg.norm(feet_m[2:] - feet_m[:-2], axis=-1)
+def _still_points(feet_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the positions of foot keypoints that hardly move, shape (point, 3), and the index of each one's keypoint.
+
+    Args:
+        feet_m: shape (frame, person, keypoint, 3).
+    """
     positions = feet_m[1:-1]
+    step = np.linalg.norm(feet_m[2:] - feet_m[:-2], axis=-1)
     known = np.isfinite(step) & np.isfinite(positions[..., 0])
-    if not known.any():
-        return np.zeros((0, 3))
-    return positions[known & (step <= np.quantile(step[known], _STILL_SHARE))]
+    still = known & (step <= np.quantile(step[known], _STILL_SHARE)) if known.any() else known
+    return positions[still], np.nonzero(still)[2]
 
 
 def _consensus_points(points: np.ndarray, tolerance_m: float, rng: np.random.Generator) -> np.ndarray:

@@ -42,7 +42,7 @@ _OWN_FILES = (
     "run.json",
     "sync.toml",
 )
-_PICKLE_REASON = "pickle files can run code; only the numbers of OpenCap's calibrations and *_pp.pkl are read"
+_PICKLE_REASON = "pickle files can run code; only the numbers of OpenCap's calibrations and keypoints are read"
 _NETWORK_REASON = "network weights; export the predictions instead"
 _OTHER_REASON = "neither a calibration nor 2D keypoints"
 _UNKNOWN_REASON = "no calibration or 2D keypoints in a known format"

@@ -281,9 +281,9 @@ def _find_keypoints(folder: Path, depth: int) -> Iterator[RecognizedInput]:
 
 def camera_like(folder: Path) -> bool:
     """Return whether a folder holds only images or videos, which need no search."""
-    media = (".jpg", ".jpeg", ".png", ".mp4", ".avi")
-    first = next((entry for entry in folder.iterdir() if entry.is_file()), None)
-    return first is not None and first.suffix.lower() in media and not camera_folders(folder)
+    media = (".jpg", ".jpeg", ".png", ".mp4", ".avi", ".mov")
+    files = [entry for entry in folder.iterdir() if entry.is_file()]
+    return bool(files) and all(file.suffix.lower() in media for file in files) and not camera_folders(folder)
 
 
 def _find_calibrations(folder: Path, depth: int, skipped: frozenset[str] = frozenset()) -> Iterator[RecognizedInput]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from posefuse.alignment.feet import floor_from_feet
+from posefuse.alignment.feet import floor_from_feet, foot_columns
 from posefuse.alignment.world_axes import find_alignment
 from posefuse.errors import DetectionsError
 from posefuse.model.options.alignment import AlignOptions
@@ -95,3 +95,18 @@ def test_certain_feet_override_the_calibrated_up(walker, true_points):
             [true_points @ rotation.T], walker.truth.skeleton, walker.rig, AlignOptions(floor="feet")
         ).steps
         assert says in steps[0]
+
+
+def test_unknown_heights_of_keypoints_do_not_override_the_calibrated_up(walker, true_points):
+    """All frames show the same heights, so that the feet of a standing person look certain."""
+    rng = np.random.default_rng(0)
+    columns, _ = foot_columns(walker.truth.skeleton)
+    standing = np.broadcast_to(true_points[:1], (200, *true_points.shape[1:])).copy()
+    standing[:, :, columns, :2] = rng.uniform(-0.2, 0.2, (len(columns), 2))
+    standing[:, :, columns, 2] = 0.02 + 0.15 * standing[:, :, columns, 0] * rng.uniform(0.8, 1.2, len(columns))
+    noisy = standing + 0.003 * rng.normal(size=standing.shape)
+    alone = floor_from_feet([noisy], walker.truth.skeleton, None)
+    assert tilt_deg(alone.normal) > 6.0
+    plane = floor_from_feet([noisy], walker.truth.skeleton, UP)
+    assert plane.uses_up
+    assert tilt_deg(plane.normal) < 4.0

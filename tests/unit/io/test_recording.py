@@ -15,7 +15,14 @@ from posefuse.io.calibration import anipose
 from posefuse.io.files import natural_key, replacing_folder
 from posefuse.io.folder_locks import exclusive_folder
 from posefuse.io.keypoints import native
-from posefuse.io.recording import InputPaths, choose_calibration, choose_keypoints, find_inputs, find_recording
+from posefuse.io.recording import (
+    InputPaths,
+    camera_like,
+    choose_calibration,
+    choose_keypoints,
+    find_inputs,
+    find_recording,
+)
 from posefuse.model.options.options import Options
 from posefuse.synthetic.options import CLEAN, SceneOptions
 from posefuse.synthetic.scenes import simulate
@@ -270,3 +277,11 @@ class TestFindInputs:
     def test_empty_folder(self, tmp_path):
         with pytest.raises(RecordingError, match=r"(?s)No calibrations.*No sets of 2D keypoints"):
             find_inputs(tmp_path)
+
+
+def test_folder_of_videos_and_other_files_is_searched(tmp_path):
+    for name in ("cam_0.avi", "cam_1.MOV", "cam_2.mp4"):
+        (tmp_path / name).touch()
+    assert camera_like(tmp_path)
+    (tmp_path / "calibration.toml").touch()
+    assert not camera_like(tmp_path)

@@ -17,6 +17,8 @@ from posefuse.io.keypoints.pose2sim_config import find_settings
 from posefuse.io.videos.library import import_pyav
 
 _LEVELS = 3
+_SETTINGS_LEVELS = 5
+"""OpenCap's settings lie up to four folders above a file of keypoints."""
 _VIDEO_SUFFIXES = (".mp4", ".mov", ".avi", ".mkv")
 _VIDEO_FOLDERS = ("videos", "Videos", "synchronized_videos", "InputMedia")
 _MAX_VIDEOS = 32
@@ -37,17 +39,18 @@ def find_frame_rate(keypoints: Path) -> FrameRate | None:
     """Return the frame rate that files beside keypoints state, or None if there is none.
 
     Args:
-        keypoints: File or folder of keypoints. Its folder and the two levels above are searched.
+        keypoints: File or folder of keypoints. Its folder and the two levels above are searched for videos, and two
+            further levels for settings.
     """
     start = keypoints if keypoints.is_dir() else keypoints.parent
-    folders = [start, *list(start.resolve().parents)[: _LEVELS - 1]]
+    folders = [start, *list(start.resolve().parents)[: _SETTINGS_LEVELS - 1]]
     try:
         rate_hz = find_settings(start).rate_hz
     except PosefuseError:
         rate_hz = None
     if rate_hz is not None:
         return FrameRate(rate_hz, "Config.toml")
-    return _rate_of_videos(folders) or _rate_of_settings(folders)
+    return _rate_of_videos(folders[:_LEVELS]) or _rate_of_settings(folders)
 
 
 def _rate_of_settings(folders: list[Path]) -> FrameRate | None:

@@ -1,9 +1,11 @@
-"""OpenCap's 2D keypoints: ``Videos/<camera>/OutputPkl_<detector>/<trial>/<trial>_rotated_pp.pkl``, one per camera.
+"""OpenCap's 2D keypoints, one file per camera and trial.
 
-A file is a list of frames, each a list of people with ``pose_keypoints_2d``: x, y, confidence of the BODY_25 keypoints,
-0 0 0 if missing, from OpenPose or from MMPose in that order. ``person_id`` is the index in the list, not an identity.
-The input is the folder of the cameras, or the file of one camera: those of the other cameras of the trial are read,
-too. Pickles can execute code; only lists, dicts, strings and numbers are unpickled, and other content is refused.
+``Videos/<camera>/OutputPkl_<detector>/<trial>/<trial>_rotated_pp.pkl`` is where OpenCap writes them,
+``Videos/<camera>/OutputPkl/<trial>_keypoints.pkl`` where the exports of its web application have them. A file is a list
+of frames, each a list of people with ``pose_keypoints_2d``: x, y, confidence of the BODY_25 keypoints, 0 0 0 if
+missing, from OpenPose or from MMPose in that order. ``person_id`` is the index in the list, not an identity. The input
+is the folder of the cameras, or the file of one camera: those of the other cameras of the trial are read, too. Pickles
+can execute code; only lists, dicts, strings and numbers are unpickled, and other content is refused.
 """
 
 from pathlib import Path
@@ -18,7 +20,8 @@ from posefuse.io.keypoints.request import Request
 from posefuse.io.pickles import load_plain
 from posefuse.model.detections import Detections
 
-_FOLDERS, _ENDING = "OutputPkl", "_pp.pkl"
+_FOLDERS = "OutputPkl"
+_ENDING, _DOWNLOADED = "_pp.pkl", "_keypoints.pkl"
 _PERSON_BYTES = 600
 
 
@@ -31,19 +34,27 @@ def trials_in(path: Path) -> list[Path]:
     """Return the file of the first camera for each trial and detector, or the path itself if it is a file."""
     if path.is_file():
         return [path] if _is_one(path) else []
-    first: dict[tuple[str, str, str], Path] = {}
-    for file in _ordered(path.glob(f"*/{_FOLDERS}*/*/*{_ENDING}")):
-        first.setdefault(_trial(file), file)
+    first: dict[tuple[str, ...], Path] = {}
+    for pattern in (f"*/{_FOLDERS}*/*/*{_ENDING}", f"*/{_FOLDERS}*/*{_DOWNLOADED}"):
+        for file in _ordered(path.glob(pattern)):
+            first.setdefault(_trial(file), file)
     return [file for file in first.values() if _is_one(file)]
 
 
 def _is_one(file: Path) -> bool:
-    return file.name.endswith(_ENDING) and file.parents[1].name.startswith(_FOLDERS)
+    return file.name.endswith((_ENDING, _DOWNLOADED)) and _camera(file).name != ""
 
 
-def _trial(file: Path) -> tuple[str, str, str]:
-    """Return detector, trial and file name, which all cameras of a trial share."""
-    return file.parents[1].name, file.parent.name, file.name
+def _camera(file: Path) -> Path:
+    """Return the folder of the camera that a file belongs to; the empty path if it is not in a folder of keypoints."""
+    levels = 0 if file.name.endswith(_DOWNLOADED) else 1
+    above = list(file.parents)[levels : levels + 2]
+    return above[1] if len(above) == 2 and above[0].name.startswith(_FOLDERS) else Path()
+
+
+def _trial(file: Path) -> tuple[str, ...]:
+    """Return the path of a file below the folder of its camera, which all cameras of a trial share."""
+    return file.relative_to(_camera(file)).parts
 
 
 def _ordered(files: Any) -> list[Path]:
@@ -54,7 +65,7 @@ def files_of(path: Path) -> list[Path]:
     """Return the files of a trial, one per camera, or those of all trials in a folder."""
     if path.is_dir():
         return [file for trial in trials_in(path) for file in files_of(trial)]
-    return _ordered(path.parents[3].glob("/".join(["*", *_trial(path)]))) if _is_one(path) else []
+    return _ordered(_camera(path).parent.glob("/".join(["*", *_trial(path)]))) if _is_one(path) else []
 
 
 def read(path: Path, request: Request) -> Detections:
@@ -86,7 +97,7 @@ def _view(file: Path) -> ViewColumns:
     # A pickle can refer to one person any number of times.
     check_unpacked_size(file, _PERSON_BYTES * sum(map(len, frames)))
     people = [_person(file, f, one) for f, frame in enumerate(frames) for one in frame]
-    return view_columns(file.parents[2].name, range(len(frames)), people, str(file))
+    return view_columns(_camera(file).name, range(len(frames)), people, str(file))
 
 
 def _person(file: Path, frame: int, person: Any) -> Person:
@@ -94,18 +105,18 @@ def _person(file: Path, frame: int, person: Any) -> Person:
     if not isinstance(values, list) or not all(isinstance(value, int | float) for value in values):
         raise FileError(
             f"{file}, frame {frame}: a person lacks pose_keypoints_2d, which must be a list of numbers. Is this a raw "
-            f"file of the detector? OpenCap files end in {_ENDING} and contain OpenPose keypoints."
+            f"file of the detector? OpenCap files end in {_ENDING} or {_DOWNLOADED} and contain OpenPose keypoints."
         )
     return Person(frame, values)
 
 
 FORMAT = KeypointFormat(
     name="opencap",
-    files="Videos/<camera>/OutputPkl*/<trial>/*_pp.pkl, or the folder of the cameras",
+    files="Videos/<camera>/OutputPkl*/<trial>/*_pp.pkl or OutputPkl/*_keypoints.pkl, or the folder of the cameras",
     conventions=(
         "px; x y confidence of BODY_25, 0 0 0 is missing; pickled code is never executed; no frame rate: `rate_hz`"
     ),
-    recognized_by="OutputPkl*/<trial>/*_pp.pkl in one folder per camera",
+    recognized_by="OutputPkl*/<trial>/*_pp.pkl or OutputPkl/*_keypoints.pkl in one folder per camera",
     matches=matches,
     read=read,
     camera_files=files_of,

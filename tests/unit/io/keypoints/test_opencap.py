@@ -9,6 +9,7 @@ from posefuse.errors import FileError
 from posefuse.io.recording import find_recording, ignored_in
 from tests.layouts import (
     VIEWS,
+    opencap_download,
     opencap_pickles,
 )
 
@@ -28,6 +29,25 @@ def test_trials_of_opencap_are_separate_recordings(tmp_path):
         read_detections(tmp_path / "Videos")
     left = {name for each in ignored_in(recording) for name in each.names}
     assert left == {f"Videos/{camera}/OutputPkl_default/jump/jump_rotated.pkl" for camera in VIEWS}
+
+
+def test_trials_of_a_downloaded_session_are_separate_recordings(tmp_path):
+    opencap_download(tmp_path)
+    for camera in VIEWS:
+        folder = tmp_path / "Videos" / camera / "OutputPkl"
+        (folder / "jump_keypoints.pkl").write_bytes((folder / "walk_keypoints.pkl").read_bytes())
+    recording = find_recording(tmp_path)
+    assert [item.path.name for item in recording.keypoints] == ["jump_keypoints.pkl", "walk_keypoints.pkl"]
+    assert read_detections(recording.keypoints[0].path).view_names == VIEWS
+
+
+@pytest.mark.parametrize("layout", [opencap_pickles, opencap_download])
+def test_frame_rate_of_the_session_applies_to_one_trial(layout, tmp_path):
+    layout(tmp_path / "session")
+    (tmp_path / "session" / "sessionMetadata.yaml").write_text("framerate: 120\n")
+    detections = read_detections(find_recording(tmp_path / "session").keypoints[0].path)
+    file = next((tmp_path / "session").rglob("walk_*.pkl"))
+    assert read_detections(file).rate_hz == detections.rate_hz == 120.0
 
 
 @pytest.mark.parametrize(
