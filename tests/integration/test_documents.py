@@ -97,7 +97,7 @@ def workplace(request, tmp_path_factory) -> tuple[Path, dict[str, object]]:
     return folder, {"keypoints_px": people, "confidence": [np.ones(each.shape[:2]) for each in people]}
 
 
-OWN_TEST = ("freemocap",)
+OWN_TEST = ("freemocap", "engineer", "animal-lab")
 """Pages whose blocks run on a recording of another program, in a test of their own."""
 CODE_PAGES = [page for page in PAGES if python_blocks(page) and page.stem not in OWN_TEST]
 

@@ -102,7 +102,8 @@ class Frame:
         Args:
             keypoints_px: per view, shape (person, keypoint, 2); shape (0, keypoint, 2) or an empty list if it shows no
                 person; None if the view has no such frame (dropped, too late, or its camera failed).
-            confidence: per view, shape (person, keypoint); omit it if the detector gives none.
+            confidence: per view, shape (person, keypoint), not used where ``keypoints_px`` is None; omit it if the
+                detector gives none.
             time_s: capture time of the frame, or of each view; NaN if unknown.
             track_ids: per view, the detector's identities, one per person.
             number: frame number.
@@ -128,7 +129,6 @@ class Frame:
         counts = [len(people) for people in keypoints_px]
         if confidence is None:
             confidence = [np.full(np.shape(people)[:2], np.nan) for people in keypoints_px]
-        confidence = [np.empty((0, 0)) if each is None else each for each in confidence]
         if len(confidence) != len(counts) or (track_ids is not None and len(track_ids) != len(counts)):
             raise DetectionsError(
                 f"Frame {number}: expected the same number of views, got keypoints of {len(counts)}, confidences of "
@@ -136,6 +136,10 @@ class Frame:
                 + ("" if track_ids is None else f", track IDs of {len(track_ids)}")
                 + ". Pass one array per view, empty if it shows no person."
             )
+        confidence = [
+            np.empty((0, 0)) if each is None or not seen else each
+            for each, seen in zip(confidence, recorded, strict=True)
+        ]
         shapes = [np.shape(people) for people in keypoints_px]
         _check_people(number, shapes, [np.shape(each) for each in confidence])
         keypoints = {shape[1] for shape in shapes if len(shape) == 3 and (shape[0] or shape[1])}
@@ -143,6 +147,7 @@ class Frame:
             raise DetectionsError(f"Frame {number}: views differ in the number of keypoints per person: {keypoints}.")
         k = keypoints.pop() if keypoints else 0
         ids = [[-1] * n for n in counts] if track_ids is None else track_ids
+        ids = [of_view if seen else () for of_view, seen in zip(ids, recorded, strict=True)]
         return cls(
             keypoints_px=np.concatenate(
                 [np.reshape(people, (len(people), k, 2)) for people in keypoints_px], dtype=np.float64

@@ -56,6 +56,14 @@ def test_view_without_this_frame_is_not_recorded(rng):
     assert not Frame.of_people([None, None], time_s=0.5).recorded.any()
 
 
+def test_confidences_and_ids_of_a_missing_view_are_not_used(rng):
+    people = rng.uniform(0, 100, (2, 5, 2))
+    frame = Frame.of_people([people, None], [np.ones((2, 5)), np.ones((3, 5))], 0.5, [[7, 8], [9, 10, 11]])
+    np.testing.assert_array_equal(frame.recorded, [True, False])
+    np.testing.assert_array_equal(frame.view, [0, 0])
+    np.testing.assert_array_equal(frame.track_ids, [7, 8])
+
+
 def test_frame_without_time_or_views_is_an_error_with_a_remedy(rng):
     with pytest.raises(DetectionsError, match=r"Frame 7 has no time.*time_s in seconds"):
         Frame.of_people([np.zeros((1, 5, 2))], [np.ones((1, 5))], number=7)

@@ -235,11 +235,17 @@ def _person(person: Mapping[str, Any], where: str) -> Person:
     values: Any = points
     if scores is not None:
         values = joined(points, scores, where, 0)
-    elif points and isinstance(points[0], list) and len(points[0]) == 2:
-        values = joined(points, [1.0] * len(points), where, 0)
-        values[:, 2] = np.nan
+    elif any(point is None or (isinstance(point, list) and len(point) == 2) for point in points):
+        values = [_x_y_confidence(point) for point in points]
     number = track if isinstance(track, int) and not isinstance(track, bool) and abs(track) < 2**40 else -1
     return Person(0, values, number)
+
+
+def _x_y_confidence(point: Any) -> Any:
+    """Return a keypoint with NaN for what it lacks: all if null, as in the lines of a stream, or the confidence."""
+    if point is None:
+        return [np.nan] * _CHANNELS
+    return [*point, np.nan] if isinstance(point, list) and len(point) == 2 else point
 
 
 def _assign_frames(path: Path, index: _RecordIndex, camera: np.ndarray) -> tuple[list[int], list[float]]:
@@ -274,7 +280,7 @@ def _period_s(seconds: np.ndarray, camera: np.ndarray) -> float:
 
 FORMAT = KeypointFormat(
     name="payloads",
-    files="*.jsonl or *.json of records, one per camera and time (ParaJumping, cvmmap)",
+    files="*.jsonl or *.json of records, one per camera and time (ParaJumping, cvmmap, lines of posefuse stream)",
     conventions="px; x y confidence; the number of keypoints selects the skeleton; frames by number or by time",
     matches=matches,
     read=read,
