@@ -116,8 +116,8 @@ def test_python_in_documents_runs(page: Path, workplace, monkeypatch, tmp_path) 
     results = [value for value in names.values() if isinstance(value, posefuse.Reconstruction)]
     assert all(np.isfinite(result.best_layer()[1].points_m).any() for result in results)
     points = names.get("points", names.get("good"))
-    assert points is not None
-    assert np.isfinite(np.asarray(points)).mean() > 0.5
+    assert results or points is not None
+    assert points is None or np.isfinite(np.asarray(points)).mean() > 0.5
 
 
 def test_files_of_a_result_are_those_of_the_readme(workplace) -> None:

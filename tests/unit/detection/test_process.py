@@ -124,7 +124,7 @@ def test_nothing_remains_after_closing(tmp_path):
         worker.close()
     del worker
     time.sleep(0.1)
-    assert open_files() == before
+    assert open_files() <= before
 
 
 def test_workers_end_with_the_process_that_started_them(tmp_path):
