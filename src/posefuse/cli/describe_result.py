@@ -89,9 +89,11 @@ def _describe_points(result: Reconstruction, layer: LayerName, summary: "Summary
     from posefuse.model.status import USED_CODES, PointStatus, ViewStatus
     from posefuse.report.people import people_per_frame
     from posefuse.report.summary import format_sources
+    from posefuse.skeleton.subject_words import subject_words
 
     with_points = sum(n for code, n in summary.status_counts.items() if code.has_point)
-    people = "tracked people" if result.has_identities else "people"
+    people = subject_words(result.skeleton)[1]
+    people = f"tracked {people}" if result.has_identities else people
     scope = "" if len(result.person_ids) == 1 else f" of {people}"
     share = with_points / summary.n_points if summary.n_points else math.nan
     say(f"{percent(share)} of the points{scope} have coordinates (layer {layer})")
@@ -136,11 +138,13 @@ def _describe_people(result: Reconstruction, layer: LayerName) -> None:
     from posefuse.io.results.write import people_with_frames
     from posefuse.model.tracks import TrackState
     from posefuse.report.people import format_event_counts, presence_interval, summarize_people
+    from posefuse.skeleton.subject_words import subject_words
 
+    word, _ = subject_words(result.skeleton)
     if not result.person_ids:
-        warn("no person was found.")
+        warn(f"no {word} was found.")
     elif not people_with_frames(result):
-        warn("no person is left in any frame; there is no TRC or C3D to write.")
+        warn(f"no {word} is left in any frame; there is no TRC or C3D to write.")
     if result.events:
         note(f"events: {format_event_counts(result.events)}")
     major = [event for event in result.events if event.what in _MAJOR_EVENTS]
@@ -160,7 +164,7 @@ def _describe_people(result: Reconstruction, layer: LayerName) -> None:
         rows.append([life.name, *presence_interval(result, life), *shares, *numbers])
     unit = "s" if timed else "frame"
     shown = _shown(rows, np.arange(len(rows)))
-    table(None, ["person", f"from {unit}", f"to {unit}", "active", "lost", "cameras", "median px"], shown)
+    table(None, [word, f"from {unit}", f"to {unit}", "active", "lost", "cameras", "median px"], shown)
     _say_rest(rows, shown, "subject", "")
 
 

@@ -28,6 +28,7 @@ from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.findings import Finding
 from posefuse.model.options.options import Options
+from posefuse.skeleton.subject_words import subject_words
 
 _MOST_CAMERAS = {False: 8, True: 24}
 """Rows of a table of cameras or views, without and with ``--verbose``."""
@@ -243,7 +244,7 @@ def _show_keypoints(detections: Detections) -> None:
 
 _RIG: _Kind[CameraRig] = _Kind("calibration", "calibrations", ("cameras", "up axis", "to meters"), _rig_row, _show_rig)
 _KEYPOINTS: _Kind[Detections] = _Kind(
-    "keypoints", "sets of keypoints", ("skeleton", "views", "frames", "people"), _keypoints_row, _show_keypoints
+    "keypoints", "sets of keypoints", ("skeleton", "views", "frames", "subjects"), _keypoints_row, _show_keypoints
 )
 
 
@@ -271,7 +272,8 @@ def _views_table(detections: Detections) -> None:
                 percent(missing[v]),
             ]
         )
-    table(None, ["  view", "frames", "missing", "Hz", "people", "keypoints missing"], rows)
+    several = subject_words(detections.skeleton)[1]
+    table(None, ["  view", "frames", "missing", "Hz", several, "keypoints missing"], rows)
     if detections.n_views > _most_cameras():
         say(f"  and {detections.n_views - _most_cameras()} more, up to {detections.view_names[-1]}")
 

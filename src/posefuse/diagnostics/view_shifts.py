@@ -52,7 +52,7 @@ def shift_note(rig: CameraRig, layer: Layer, detections: Detections, tracks: Tra
     return (
         "All keypoints of these views are shifted in a common direction from the projected 3D points: "
         f"{found}; the median reprojection error is {error_px:.0f} px. The poses of the cameras may be inaccurate: "
-        "posefuse run with `refine`, or posefuse refine-calibration, adjusts them to the people."
+        "posefuse run with `refine`, or posefuse refine-calibration, adjusts them to the detections."
     )
 
 

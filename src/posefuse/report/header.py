@@ -5,15 +5,14 @@ from html import escape
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.report.messages import message_html
 from posefuse.report.verdict import ResultVerdict
+from posefuse.skeleton.subject_words import count_subjects
 
 _LABELS = {"good": ("✓", "Good"), "check": ("!", "Check"), "poor": ("✗", "Poor")}
 
 
 def subjects_of(result: Reconstruction) -> str:
-    """Return the number of people, or of subjects if they are animals or objects."""
-    one, several = ("person", "people") if "left_hip" in result.skeleton.keypoints else ("subject", "subjects")
-    n = len(result.person_ids)
-    return f"{n} {one if n == 1 else several}"
+    """Return the number of people, animals or other subjects."""
+    return count_subjects(len(result.person_ids), result.skeleton)
 
 
 def page_title(result: Reconstruction, name: str) -> str:

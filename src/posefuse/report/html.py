@@ -31,6 +31,7 @@ from posefuse.report.summary import Summary, summarize
 from posefuse.report.summary_text import scene_note, summary_paragraphs
 from posefuse.report.verdict import judge_result
 from posefuse.report.videos import PageVideos, video_data, videos_sentence
+from posefuse.skeleton.subject_words import subject_words
 
 PLOTLY = "plotly-cartesian.min.js"
 """Charts of plotly.js: its distribution with scatter, bar and heatmap; plotly-cartesian.LICENSE."""
@@ -39,7 +40,6 @@ _SCRIPTS = (
     "timeline.js", "charts.js", "page.js",
 )  # fmt: skip
 """Parts of one script, in this order."""
-_PEOPLE_HINT = "One color per person, names above their heads"
 
 
 class PageData:
@@ -99,6 +99,11 @@ class PageData:
         return scene, scene_note(stride, n_outside)
 
     @property
+    def color_hint(self) -> str:
+        """Which colors several subjects have."""
+        return f"One color per {subject_words(self.result.skeleton)[0]}, names above their heads"
+
+    @property
     def has_several_people(self) -> bool:
         """Whether people are distinguished by color; False for exactly one person."""
         return len(self.result.person_ids) != 1
@@ -145,7 +150,7 @@ SECTIONS = (
         "highlights",
         lambda page: highlights_section(page.result, page.summary, page.heat_map, page.series, page.gaps),
     ),
-    Section("sides", lambda page: _PEOPLE_HINT if page.has_several_people else SIDES_KEY),
+    Section("sides", lambda page: page.color_hint if page.has_several_people else SIDES_KEY),
     Section("videos", lambda page: escape(videos_sentence(page.videos.videos, page.videos.notes))),
     Section("accuracy", lambda page: tables.accuracy_table(page.accuracy)),
     Section("movement", lambda page: movement_section(page.result, page.gait)),

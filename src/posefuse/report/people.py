@@ -12,6 +12,7 @@ from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.track_events import EVENT_KINDS, Event
 from posefuse.model.tracks import TrackState
+from posefuse.skeleton.subject_words import subject_heading, subject_words
 
 _MAX_EXPLAINED_EVENTS = 400
 """Only this many events carry their reasons, which limits the size of the page."""
@@ -139,27 +140,29 @@ def people_section(result: Reconstruction, people: Sequence[PersonSummary], miss
     """Return the section as HTML; empty for a single person without events."""
     if result.tracks is None or (len(result.person_ids) == 1 and not result.events):
         return ""
+    one, several = subject_words(result.skeleton)
+    title = several.capitalize()
     if not result.person_ids:
-        return "<section><h2>People</h2><p>No person was found.</p></section>"
+        return f"<section><h2>{title}</h2><p>No {one} was found.</p></section>"
     if not result.has_identities:
-        text = f"Frames are unrelated: numbers of people are not identities. {people_per_frame(result)}."
-        return f"<section><h2>People</h2><p>{text}</p></section>"
+        text = f"Frames are unrelated: numbers of {several} are not identities. {people_per_frame(result)}."
+        return f"<section><h2>{title}</h2><p>{text}</p></section>"
     hint = (
         "" if not result.events else " Markers are events: hover over one to see its reason, click it to see its frame."
     )
     return (
-        "<section><h2>People over time</h2><p>One line per person: thick while active, thin while tentative, dotted "
+        f"<section><h2>{title} over time</h2><p>One line per {one}: thick while active, thin while tentative, dotted "
         f"while lost.{hint}</p>"
-        '<div id="track-states" role="img" aria-label="When each person was tentative, active and lost"></div>'
+        '<div id="track-states" role="img" aria-label="When each subject was tentative, active and lost"></div>'
         f'<div class="wide">{_people_table(result, people)}</div>{_COLUMN_NOTES}{_misses_table(result, misses)}'
         "</section>"
     )
 
 
 _COLUMN_NOTES = (
-    '<p class="hint">Active, Tentative, Lost: share of the frames between From and To. Points: share of the person\'s '
-    "keypoints with coordinates while active. Cameras: mean number of cameras with a detection of the person while "
-    "active. Median error: reprojection error of the person's points.</p>"
+    '<p class="hint">Active, Tentative, Lost: share of the frames between From and To. Points: share of the subject\'s '
+    "keypoints with coordinates while active. Cameras: mean number of cameras with a detection of the subject "
+    "while active. Median error: reprojection error of the subject's points.</p>"
 )
 
 
@@ -177,7 +180,7 @@ def presence_interval(result: Reconstruction, person: PersonSummary) -> tuple[st
 def _people_table(result: Reconstruction, people: Sequence[PersonSummary]) -> str:
     unit = "s" if np.isfinite(result.time_s).all() else "frame"
     headings = (
-        "Color", "Person", f"From, {unit}", f"To, {unit}", "Active", "Tentative", "Lost", "Points", "Cameras",
+        "Color", subject_heading(result.skeleton), f"From, {unit}", f"To, {unit}", "Active", "Tentative", "Lost", "Points", "Cameras",
         "Median error, px",
     )  # fmt: skip
     rows = []
@@ -210,9 +213,9 @@ def _misses_table(result: Reconstruction, misses: Misses | None) -> str:
     rows.append(_misses_row("all", [*by_view, _ratio(misses.missed, misses.expected)]))
     return (
         "<h3>Missed detections</h3><p>Share of frames without an assigned detection, among the frames in which an "
-        "active person is in the camera's image (at least half of the core keypoints). Occluded people count as "
-        "missed. A dash means that the person was never in the image.</p>"
-        f'<div class="wide"><table class="heat"><tr>{_headings(("Person", *result.rig.names, "all"))}</tr>'
+        "active subject is in the camera's image (at least half of the core keypoints). Occluded subjects count as "
+        "missed. A dash means that the subject was never in the image.</p>"
+        f'<div class="wide"><table class="heat"><tr>{_headings((subject_heading(result.skeleton), *result.rig.names, "all"))}</tr>'
         f"{''.join(rows)}</table></div>"
     )
 

@@ -16,6 +16,7 @@ from posefuse.report.highlights import format_interval, frame_button
 from posefuse.report.messages import message_html
 from posefuse.report.series import Gap, TimeSeries
 from posefuse.report.summary import Summary
+from posefuse.skeleton.subject_words import subject_heading
 
 
 def accuracy_table(accuracy: Accuracy | PeopleScores | None) -> str:
@@ -169,7 +170,7 @@ def bone_section(result: Reconstruction, series: TimeSeries) -> str:
             rows.append(
                 f"<tr><th>{button}</th>" + _cells((person, f"{median:.1f}", f"{deviation:.1f}", share)) + "</tr>"
             )
-    head = _head(("Bone", "Person", f"Median, {unit}", f"SD, {unit}", "SD, relative"))
+    head = _head(("Bone", subject_heading(result.skeleton), f"Median, {unit}", f"SD, {unit}", "SD, relative"))
     return (
         "<section><h2>Bone lengths</h2><p>Measured lengths. Bones are rigid, so a varying length reveals an error at "
         "one end. SD is the robust standard deviation over time. Click a bone to plot it; click the plot to see "
@@ -195,16 +196,25 @@ def gap_section(result: Reconstruction, gaps: list[Gap]) -> str:
         rows.append(
             f"<tr><td>{link}</td>" + _cells((person, name, str(length), handling, gap.status.sentence)) + "</tr>"
         )
-    head = _head(("Interval", "Person", "Keypoint", "Frames", "Handling", "Status of the first frame"))
+    head = _head(
+        (
+            "Interval",
+            subject_heading(result.skeleton),
+            "Keypoint",
+            "Frames",
+            "Handling",
+            "Status of the first frame",
+        )
+    )
     table = (
         _collapsed(f"Longest gaps ({len(rows)})", head + "".join(rows))
         if rows
-        else "<p>No gaps: every keypoint was measured in every frame in which its person is present.</p>"
+        else "<p>No gaps: every keypoint was measured in every frame in which its subject is present.</p>"
     )
     return (
         "<section><h2>Gaps</h2><p>The most frequent state of each time interval: "
         '<span class="key measured"></span> measured, <span class="key filled"></span> filled or held, '
-        '<span class="key missing"></span> missing; blank where the person is absent.</p>'
+        '<span class="key missing"></span> missing; blank where the subject is absent.</p>'
         '<div id="gap-people"></div><div id="gaps" role="img" aria-label="When each keypoint was measured, filled or '
         f'missing"></div>{table}</section>'
     )

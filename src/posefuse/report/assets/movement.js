@@ -38,7 +38,7 @@
   function peopleMenu(place, names, choose) {
     if (names.length > 1) {
       const menu = document.createElement("select");
-      menu.setAttribute("aria-label", "Person");
+      menu.setAttribute("aria-label", "Subject");
       names.forEach((name, i) => menu.append(new Option(name, i)));
       menu.addEventListener("change", () => choose(Number(menu.value)));
       element(place).append(menu);

@@ -62,7 +62,7 @@
   if (element("gaps") && series.states.length) {
     if (several) {
       const menu = document.createElement("select");
-      menu.setAttribute("aria-label", "Person");
+      menu.setAttribute("aria-label", "Subject");
       scene.people.forEach((name, i) => menu.append(new Option(name, i)));
       menu.addEventListener("change", () => { gapPerson = Number(menu.value); drawGaps(); });
       element("gap-people").append(menu);

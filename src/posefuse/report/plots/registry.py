@@ -59,7 +59,7 @@ PLOTS = (
     Plot(
         "time",
         "Error and views over time",
-        "Reprojection error and number of views used over time, one line per person.",
+        "Reprojection error and number of views used over time, one line per subject.",
         "at least one person",
         "posefuse.report.plots.time_lines",
         "plot_error_and_views",
@@ -67,7 +67,7 @@ PLOTS = (
     Plot(
         "gaps",
         "Gaps over time",
-        "When each keypoint was measured, filled or missing, one panel per person.",
+        "When each keypoint was measured, filled or missing, one panel per subject.",
         "at least one person",
         "posefuse.report.plots.gaps",
         "plot_gaps",
