@@ -180,8 +180,8 @@ def presence_interval(result: Reconstruction, person: PersonSummary) -> tuple[st
 def _people_table(result: Reconstruction, people: Sequence[PersonSummary]) -> str:
     unit = "s" if np.isfinite(result.time_s).all() else "frame"
     headings = (
-        "Color", subject_heading(result.skeleton), f"From, {unit}", f"To, {unit}", "Active", "Tentative", "Lost", "Points", "Cameras",
-        "Median error, px",
+        "Color", subject_heading(result.skeleton), f"From, {unit}", f"To, {unit}", "Active", "Tentative", "Lost",
+        "Points", "Cameras", "Median error, px",
     )  # fmt: skip
     rows = []
     for p, person in enumerate(people):
@@ -211,11 +211,12 @@ def _misses_table(result: Reconstruction, misses: Misses | None) -> str:
     rows = [_misses_row(name, [*share[p], totals[p]]) for p, name in enumerate(result.person_ids)]
     by_view = [_ratio(misses.missed[:, v], misses.expected[:, v]) for v in range(share.shape[1])]
     rows.append(_misses_row("all", [*by_view, _ratio(misses.missed, misses.expected)]))
+    head = _headings((subject_heading(result.skeleton), *result.rig.names, "all"))
     return (
         "<h3>Missed detections</h3><p>Share of frames without an assigned detection, among the frames in which an "
         "active subject is in the camera's image (at least half of the core keypoints). Occluded subjects count as "
         "missed. A dash means that the subject was never in the image.</p>"
-        f'<div class="wide"><table class="heat"><tr>{_headings((subject_heading(result.skeleton), *result.rig.names, "all"))}</tr>'
+        f'<div class="wide"><table class="heat"><tr>{head}</tr>'
         f"{''.join(rows)}</table></div>"
     )
 
