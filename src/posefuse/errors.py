@@ -22,7 +22,7 @@
 Every message states what is wrong, where, what was expected, what was found, and what to do about it. Messages and
 notes name arguments and options as Python does, in backticks (`` `rate_hz` ``, `` `pick='largest'` ``), and public
 functions with their module (`` `posefuse.measure_sync` ``); the command line shows them as its flags and commands
-(:mod:`posefuse.cli.flags`).
+(:mod:`posefuse.model.options.flags`).
 """
 
 import warnings

@@ -1,6 +1,6 @@
 """Output of the command line: text on stdout; progress, warnings and errors on stderr.
 
-Arguments that messages name in backticks are shown as flags (:mod:`posefuse.cli.flags`).
+Arguments that messages name in backticks are shown as flags (:mod:`posefuse.model.options.flags`).
 """
 
 import math
@@ -25,8 +25,8 @@ from rich.progress import (
 from rich.table import Table
 from rich.text import Text
 
-from posefuse.cli.flags import as_flags
 from posefuse.errors import handle_warnings
+from posefuse.model.options.flags import as_flags
 
 _WIDTH = 80
 _LABEL_WIDTH = 12

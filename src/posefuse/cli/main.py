@@ -135,7 +135,7 @@ def main(arguments: list[str] | None = None) -> None:
 
             _fail(describe(error), 2)
         except OptionsError as error:
-            from posefuse.cli.flags import options_as_flags
+            from posefuse.model.options.flags import options_as_flags
 
             _fail(options_as_flags(str(error)), 2)
         except PosefuseError as error:

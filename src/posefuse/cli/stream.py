@@ -15,9 +15,9 @@ from rich.table import Table
 from rich.text import Text
 
 from posefuse.cli.console import count, err, warn
-from posefuse.cli.flags import as_flags
 from posefuse.cli.types import OptionFlags
 from posefuse.errors import OptionsError, choices
+from posefuse.model.options.flags import as_flags
 from posefuse.model.options.options import Options
 from posefuse.model.options.stream import StreamOptions
 

@@ -1,7 +1,10 @@
 """The verdict on a result: its level, the sentence that explains it, and what to do next."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
+
+import numpy as np
 
 from posefuse.model.findings import Finding, certain_faults, verdict_sentences
 from posefuse.model.reconstruction import Reconstruction
@@ -9,6 +12,9 @@ from posefuse.report.summary import Summary
 
 _PREFIX = "Health: "
 """Prefix of findings among the notes of results of version 0.1."""
+
+_FEWEST_CAMERAS, _UNEVEN = 3, 2.0
+"""Number of cameras, and ratio of errors, from which a camera is named that fits worse than the others."""
 
 VerdictLevel = Literal["good", "check", "poor"]
 
@@ -50,7 +56,26 @@ def judge_result(result: Reconstruction, summary: Summary) -> ResultVerdict:
         reason = "The recording was not checked for wrong poses and clocks of cameras."
         return ResultVerdict("check", reason, "Run `posefuse inspect --deep` on the folder of the recording.")
     (sentence,) = verdict_sentences(())
-    return ResultVerdict("good", f"{sentence[0].upper()}{sentence[1:]}.", "")
+    uneven, remedy = _worst_camera(result.rig.names, [error.median for error in summary.error_px_by_view])
+    return ResultVerdict("good", f"{sentence[0].upper()}{sentence[1:]}.{uneven}", remedy)
+
+
+def _worst_camera(names: Sequence[str], errors_px: Sequence[float]) -> tuple[str, str]:
+    """Return a sentence on a camera whose errors are far larger than those of the others, and what to do; else empty.
+
+    A wrong pose that is within the noise of the detector is no finding, but may be improved.
+    """
+    known = np.array(errors_px)
+    if len(known) < _FEWEST_CAMERAS or not np.isfinite(known).all():
+        return "", ""
+    worst = int(known.argmax())
+    usual = float(np.median(np.delete(known, worst)))
+    if known[worst] < _UNEVEN * usual:
+        return "", ""
+    return (
+        f" But {names[worst]} fits worst: median {known[worst]:.1f} px, the others {usual:.1f} px.",
+        f"Compare the skeleton with the video of {names[worst]}; `posefuse.refine_calibration` tests other poses.",
+    )
 
 
 def findings_of(result: Reconstruction) -> list[str]:

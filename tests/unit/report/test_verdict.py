@@ -8,7 +8,7 @@ import pytest
 
 from posefuse.model.findings import Finding, FindingKind, certain_faults, verdict_sentences
 from posefuse.model.reconstruction import Provenance
-from posefuse.model.status import PointStatus
+from posefuse.model.status import USED_CODES, PointStatus
 from posefuse.report.header import format_duration, verdict_box
 from posefuse.report.summary import summarize
 from posefuse.report.verdict import judge_result
@@ -52,6 +52,18 @@ def test_good_result_repeats_the_sentence_of_the_commands(result):
     verdict = judge(result)
     assert verdict.level == "good"
     assert verdict.sentence.lower() == f"{verdict_sentences(())[0]}."
+
+
+@pytest.mark.parametrize(("factor", "named"), [(1.5, False), (3.0, True)])
+def test_a_camera_that_fits_far_worse_than_the_others_is_named(result, factor, named):
+    name, layer = result.best_layer()
+    errors = np.full(np.asarray(layer.view_error_px).shape, 4.0, dtype=np.float32)
+    errors[..., 1] *= factor
+    used = np.full(errors.shape, USED_CODES[0], dtype=np.int8)
+    verdict = judge(replace(result, layers={name: replace(layer, view_error_px=errors, view_status=used)}))
+    assert verdict.level == "good"
+    assert ("fits worst" in verdict.sentence) == named
+    assert (result.rig.names[1] in verdict.remedy) == named
 
 
 def test_unchecked_results_are_not_good(result):

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from posefuse.cli.flags import COMMANDS, FLAGS, as_flags, options_as_flags
 from posefuse.cli.main import COMMANDS as PROGRAMS
 from posefuse.cli.main import main
 from posefuse.model.options.calibration import CalibrateOptions, PeopleOptions
 from posefuse.model.options.catalog import options_by_name
+from posefuse.model.options.flags import COMMANDS, FLAGS, as_flags, options_as_flags
 from posefuse.model.options.refinement import RefineOptions
 from posefuse.model.options.stream import StreamOptions
 from posefuse.visualize.overlay.options import OverlayOptions
@@ -23,6 +23,7 @@ SOURCES = [path for path in sorted((ROOT / "src" / "posefuse").rglob("*.py")) if
 OTHER_TEXT = {
     "detection/environments.py": "flags of pip and uv",
     "detection/interpreters.py": "flags of uv",
+    "model/options/flags.py": "writes the flags",
     "report/contact_sheet.py": "the flag to copy from the page",
     "report/people.py": "a CSS variable",
     "report/command.py": "the command to copy from the page",

@@ -1,12 +1,13 @@
 """Write the arguments and options that messages name as flags of the command line.
 
-Outside this package, messages name arguments as Python does, in backticks: `` `rate_hz` ``, `` `pick='largest'` ``, and
+Messages name arguments as Python does, in backticks: `` `rate_hz` ``, `` `pick='largest'` ``, and
 functions with their module: `` `posefuse.measure_sync` ``.
 """
 
 import ast
 import re
 import shlex
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -52,9 +53,14 @@ def _option_names() -> frozenset[str]:
     return frozenset(names | {name.rpartition(".")[2] for name in names if "_" in name.rpartition(".")[2]})
 
 
-def as_flags(text: str) -> str:
-    """Return a message with flags and commands in place of the arguments and functions in backticks."""
-    return _NAMED.sub(_flag, text)
+def as_flags(text: str, mark: Callable[[str], str] = str) -> str:
+    """Return a message with flags and commands in place of the arguments and functions in backticks.
+
+    Args:
+        text: a message.
+        mark: returns each flag or command as it is shown.
+    """
+    return _NAMED.sub(lambda found: mark(_flag(found)), text)
 
 
 def _flag(found: re.Match[str]) -> str:
