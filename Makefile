@@ -13,7 +13,7 @@ demo: .venv/.installed
 
 test: .venv/.installed-dev
 	$(BIN)/posefuse warm-up
-	$(PYTEST) -n 2
+	$(PYTEST) -n 2 --dist worksteal
 	NUMBA_DISABLE_JIT=1 $(PYTEST) -n 2 -m no_jit
 
 test-long: .venv/.installed-dev

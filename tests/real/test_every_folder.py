@@ -30,7 +30,7 @@ INSPECTED = {
 
 @pytest.mark.parametrize("name", INSPECTED)
 def test_inspect_recognizes_the_format(name, shared_data, capsys):
-    main(["inspect", str(shared_data(name))])
+    main(["inspect", str(shared_data(name)), "--verbose"])
     output = " ".join(capsys.readouterr().out.split())
     for words in INSPECTED[name]:
         assert words in output

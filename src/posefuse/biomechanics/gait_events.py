@@ -11,7 +11,6 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import find_peaks
 
 from posefuse.biomechanics.contact_times import Interval
 from posefuse.biomechanics.foot_paths import HEEL, TOES, FootPaths
@@ -113,6 +112,8 @@ def leg_length(paths: FootPaths) -> float:
 
 def _extremes(paths: FootPaths, side: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the times at which the heel is farthest ahead, and the toes farthest behind."""
+    from scipy.signal import find_peaks  # Takes half a second to load, and many results have no feet.
+
     forward, pelvis = facing(paths), paths.pelvis_m[:, :2]
     period = float(np.median(np.diff(paths.time_s)))
     least = _MIN_EXCURSION * leg_length(paths)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.stats import t as student_t
+from scipy.special import stdtrit
 
 from posefuse.biomechanics.foot_paths import HEEL, SIDES, FootPaths
 from posefuse.biomechanics.gait_events import GaitEvent, strides_of
@@ -172,7 +172,7 @@ def summary(name: str, side: str, values: np.ndarray) -> GaitParameter:
     if n < 2:
         return GaitParameter(name, side, mean, float("nan"), n, float("nan"), float("nan"))
     sd = float(values.std(ddof=1))
-    half = float(student_t.ppf(0.975, n - 1)) * sd / np.sqrt(n)
+    half = float(stdtrit(n - 1, 0.975)) * sd / np.sqrt(n)
     return GaitParameter(name, side, mean, sd, n, mean - half, mean + half)
 
 
@@ -193,7 +193,7 @@ def _asymmetry(name: str, left: np.ndarray, right: np.ndarray) -> GaitParameter:
     spread = sum(part**2 / (len(each) - 1) for part, each in zip(parts, (left, right), strict=True))
     freedom = sum(parts) ** 2 / spread if spread > 0 else 1.0
     value, scale = 100.0 * float(right.mean() - left.mean()) / middle, 100.0 / abs(middle)
-    half = float(student_t.ppf(0.975, freedom)) * error * scale
+    half = float(stdtrit(freedom, 0.975)) * error * scale
     stem = name.rsplit("_", 1)[0]
     n = min(len(left), len(right))
     return GaitParameter(f"{stem}_asymmetry_percent", "both", value, error * scale, n, value - half, value + half)

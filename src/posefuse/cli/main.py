@@ -26,7 +26,8 @@ _HELP = HelpFormatter()
 app = App(
     name="posefuse",
     help="Reconstruct 3D people and animals from the 2D keypoints of several calibrated cameras.\n\n"
-    "Exit codes: 0 success, 1 failure, 2 wrong call, 3 the result is certainly wrong, 130 interrupted.",
+    "Exit codes: 0 success, 1 failure, 2 wrong call, 3 the result is certainly wrong, 130 interrupted. "
+    "posefuse --completion bash (zsh, fish) prints the script by which the shell completes commands and options.",
     version_flags=["--version"],
     version=lambda: __import__("posefuse").__version__,
     help_format="plaintext",
@@ -84,9 +85,7 @@ def launch(
     options: Annotated[Path | None, Parameter(help="TOML file of options (posefuse init); flags override it.")] = None,
     help_all: Annotated[bool, Parameter(negative="", help="Show every option.")] = False,
     verbose: Annotated[bool, Parameter(negative="", help="Print every note, row and file name.")] = False,
-    completion: Annotated[
-        Literal["bash", "zsh", "fish"] | None, Parameter(help="Print the script by which a shell completes posefuse.")
-    ] = None,
+    completion: Annotated[Literal["bash", "zsh", "fish"] | None, Parameter(show=False)] = None,
 ) -> object:
     """Run a command, with options from a file if one is given."""
     if completion is not None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize
-from scipy.stats import gamma
+from scipy.special import gammaincinv
 
 from posefuse.noise.leave_one_out import LeaveOneOutPoints
 
@@ -103,7 +103,7 @@ def _log_likelihood(compared: _Compared, scale: float, nu: float) -> float:
     # Gauss-Legendre quadrature in the cube root of probability resolves the tails.
     place, weight = np.polynomial.legendre.leggauss(_NODES)
     place, weight = 0.5 * (place + 1.0), 0.5 * weight
-    precision = gamma.ppf(place**3, 0.5 * nu, scale=2.0 / nu)
+    precision = gammaincinv(0.5 * nu, place**3) * (2.0 / nu)
     logs = np.empty((_NODES, len(compared.along)))
     for node, (w, share) in enumerate(zip(precision, 3.0 * place**2 * weight, strict=True)):
         variance = scale**2 / w + compared.expected

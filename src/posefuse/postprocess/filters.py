@@ -10,7 +10,6 @@ from functools import partial
 
 import numpy as np
 from scipy.ndimage import median_filter
-from scipy.signal import butter, savgol_filter, sosfiltfilt
 
 from posefuse.errors import OptionsError
 from posefuse.model.options.postprocess import (
@@ -104,6 +103,8 @@ def _median(xyz_m: np.ndarray, size: int) -> np.ndarray:
 
 def _butterworth(options: ButterworthOptions, clock: Clock) -> Smoother:
     """Return a zero-phase Butterworth filter, forward and backward."""
+    from scipy.signal import butter, sosfiltfilt  # Takes half a second to load.
+
     sections = np.asarray(
         butter(options.order // 2, pass_cutoff_hz(options, clock), fs=1.0 / clock.period_s, output="sos")
     )
@@ -149,6 +150,8 @@ def _savgol(options: SavgolOptions, clock: Clock) -> Smoother:
         size_used = min(size, len(xyz_m) - (len(xyz_m) + 1) % 2)
         if size_used <= options.degree:
             return xyz_m
+        from scipy.signal import savgol_filter
+
         return np.asarray(savgol_filter(xyz_m, size_used, options.degree, axis=0))
 
     return smoother

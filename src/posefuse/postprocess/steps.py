@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import butter, sos2zpk
 
 from posefuse.model.options.postprocess import PostprocessOptions
 from posefuse.model.reconstruction import Layer
@@ -82,6 +81,8 @@ def _filter_memory_s(name: str, options: PostprocessOptions, clock: Clock) -> fl
     """Return how long a point influences the result of a filter."""
     match name:
         case "butterworth":
+            from scipy.signal import butter, sos2zpk  # Takes half a second to load.
+
             settings = options.butterworth
             sections = butter(
                 settings.order // 2, pass_cutoff_hz(settings, clock), fs=1.0 / clock.period_s, output="sos"

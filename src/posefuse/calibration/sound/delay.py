@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.fft import next_fast_len
-from scipy.stats import binom
+from scipy.special import bdtrc
 
 from posefuse.calibration.sound.onsets import STEP_S, Onsets
 from posefuse.model.sound import Sound
@@ -184,7 +184,7 @@ def _agree_within(
         fit, covariance = _fit_line(times_s[used] - middle_s, offsets_s[used])
     n, k = len(offsets_s), int(used.sum())
     # The first window chooses the offset, so it does not count; any window and any tolerance may be chosen.
-    tail = float(binom.sf(k - 2, n - 1, tolerance_s / _REACH_S)) if k > 1 else 1.0
+    tail = float(bdtrc(k - 2, n - 1, tolerance_s / _REACH_S)) if k > 1 else 1.0
     chance = min(tail * n * len(_AGREE_S), 1.0)
     sds = np.sqrt(np.diag(covariance))
     return Delay(
