@@ -1,7 +1,7 @@
 """Scores of identities
 ====================
 
-Compare identities with the truth of a simulation: MOTA and IDF1.
+Compare identities with the truth of a simulation: MOTA, IDF1 and HOTA.
 """
 
 import matplotlib.pyplot as plt
@@ -13,6 +13,7 @@ result = posefuse.reconstruct(scene.rig, scene.detections)
 
 scores = posefuse.score_people(posefuse.people_points(result, scene.truth))
 print(f"{scores.n_people} people found, {scores.n_true_people} in the truth")
+print(f"MOTA {scores.clear[0].mota:.3f}, IDF1 {scores.identity.idf1:.3f}, HOTA {scores.hota.hota:.3f}")
 print(f"mean distance of keypoints: {scores.mpjpe_mm:.0f} mm")
 
 worst = sorted(scores.mpjpe_mm_of.items(), key=lambda item: item[1])

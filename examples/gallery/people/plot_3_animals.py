@@ -1,17 +1,19 @@
 """Animals
 =======
 
-Any skeleton works. Here, a simulated mouse of 8 cm with the keypoints of DANNCE.
+Any skeleton works. Here, a simulated mouse of 8 cm with the keypoints of DANNCE, and a detector with errors of 1 px.
 """
+
+from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import numpy as np
 
 import posefuse
 
-scene = posefuse.simulate(
-    posefuse.SceneOptions(skeleton="dannce_mouse", size_m=0.08, cameras=5, duration_s=3.0, seed=1)
-)
+options = posefuse.SceneOptions(skeleton="mouse_22", size_m=0.08, cameras=5, duration_s=3.0, seed=1)
+detector = replace(options.detector, noise="gaussian", sigma_px=1.0)
+scene = posefuse.simulate(replace(options, detector=detector))
 
 result = posefuse.reconstruct(scene.rig, scene.detections)
 _, layer = result.best_layer()
