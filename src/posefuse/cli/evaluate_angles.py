@@ -69,8 +69,11 @@ def show_comparison(comparison: "AngleComparison") -> None:
          "-" if math.isnan(angle.correlation) else f"{angle.correlation:.3f}"]
         for angle in comparison.angles
     ]  # fmt: skip
+    names = (comparison.result, comparison.reference)
+    # Both files often have the name of the person.
+    title = " minus ".join(names) if names[0] != names[1] else f"result minus reference, both {names[0]}"
     table(
-        f"{comparison.result} minus {comparison.reference}, {count(n, 'frame')}{shift}; degrees",
+        f"{title}, {count(n, 'frame')}{shift}; degrees",
         ["angle", "RMSE", "MAE", "bias", "95 % limits of agreement", "r"],
         rows,
     )
