@@ -6,12 +6,15 @@ import shutil
 import subprocess
 import sys
 
+import pytest
+
 from tests.conftest import ROOT
 from tests.integration.test_documents import python_blocks
 
 PAGE = ROOT / "docs" / "tutorials" / "animal-lab.md"
 
 
+@pytest.mark.long
 def test_blocks_run_on_the_recording_of_the_page(shared_data, tmp_path, monkeypatch, capsys):
     recording = shared_data("sleap_mouse")
     for camera in ("back", "mid", "side", "top"):

@@ -98,7 +98,6 @@ RESUMES: dict[str, Callable[[Inputs], Arguments]] = {
 WRITES_NOTHING: dict[str, Callable[[Inputs], Arguments]] = {
     "inspect": lambda given: (given.recording, "--deep"),
     "doctor": lambda given: (),
-    "warm-up": lambda _: (),
     "explain": lambda given: (given.result, "--frame", 3),
     "stream": lambda given: ("--calibration", given.recording / "calibration.toml", "--skeleton", "halpe_26"),
     "replay": lambda given: (given.recording,),
@@ -106,8 +105,12 @@ WRITES_NOTHING: dict[str, Callable[[Inputs], Arguments]] = {
     "formats": lambda _: (),
     "detector": lambda _: ("list",),
 }
-CHECKED_ELSEWHERE = {"detect": "unit/pipeline/test_detect.py", "run": "unit/pipeline/run/test_recipe.py"}
-"""Commands that need videos and resume, and the tests of what they do to an existing output."""
+CHECKED_ELSEWHERE = {
+    "detect": "unit/pipeline/test_detect.py",
+    "run": "unit/pipeline/run/test_recipe.py",
+    "warm-up": "unit/pipeline/test_warm_up.py",
+}
+"""Commands that need videos and resume, or take long, and the tests of what they do to an existing output."""
 
 
 @pytest.fixture(scope="module")

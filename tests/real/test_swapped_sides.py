@@ -37,7 +37,7 @@ def exchange_a_quarter(detections: Detections, view: int, seed: int) -> tuple[De
     return relabel.exchange_labels(detections, tracks, flags, skeleton.pair_indices), flags
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2))])
 @pytest.mark.parametrize("recording", [pose2sim, caliscope_webcams])
 def test_swapped_limbs_in_one_view_do_not_change_the_result(recording, seed, shared_data):
     rig, detections = recording(shared_data)

@@ -81,6 +81,7 @@ def test_people_of_two_windows_equal_those_of_one_run(tmp_path):
     assert list((tmp_path / "x").glob("*.todo")) == []
 
 
+@pytest.mark.long
 def test_people_are_tracked_again_in_a_world_of_another_size(tmp_path):
     scene = simulate_people(9.0, 2, 3)
     options = Options(people="many", noise_scale_px=14.0, pairs="labels", align=AlignOptions(height_m=1.5))

@@ -64,6 +64,7 @@ def test_sliding_feet_are_not_frozen():
     assert np.ptp(held[:, 0]) == pytest.approx(np.ptp(true[:, 0]), rel=0.25)
 
 
+@pytest.mark.long
 def test_feet_that_slide_in_every_step_are_left_alone():
     """The simulated walker's feet move at 0.3 m/s or more while they touch the floor."""
     data = simulate_crowd(CrowdOptions(people=1, duration_s=8.0, skeleton="coco_wholebody_133", seed=7))

@@ -7,8 +7,10 @@ from posefuse.errors import OptionsError
 from posefuse.pipeline.warm_up import TASKS, warm_up
 
 
-def test_warming_up_says_what_is_ready(capsys):
+def test_warming_up_says_what_is_ready_and_writes_nothing(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
     main(["warm-up", "--jobs", "1"])
+    assert not list(tmp_path.iterdir())
     words = " ".join(capsys.readouterr().out.split())
     assert all(name in words for name in TASKS)
 

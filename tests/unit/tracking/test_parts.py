@@ -244,6 +244,7 @@ def test_projections_of_other_parts_are_missing(scene):
     assert np.isfinite(projected.px_per_m[..., BODY]).all()
 
 
+@pytest.mark.long
 def test_regions_of_smoothed_hands_and_faces_contain_the_truth():
     shares = []
     for seed in range(2):
