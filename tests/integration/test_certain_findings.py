@@ -55,7 +55,9 @@ def folders(scene, tmp_path) -> dict[str, Path]:
     return {name: tmp_path / name for name in made}
 
 
-@pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.long) if name == "millimeters" else name for name in FAULTS]
+)
 def test_reconstruct_writes_the_result_and_exits_with_3(name, run, folders, tmp_path):
     command = ("reconstruct", folders[name], *FAST, "-o", tmp_path / "out")
     for repetition in range(2):

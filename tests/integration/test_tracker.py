@@ -278,6 +278,7 @@ def only_view(frame: Frame, view: int) -> Frame:
     return without_rows(frame, frame.view == view)
 
 
+@pytest.mark.long
 def test_times_of_views_improve_the_result():
     """Five views are taken one fifth of a frame apart: their times improve the result."""
     rate_hz, fine = 10.0, 5

@@ -91,7 +91,7 @@ def names_an_option(message: str, values: Mapping[str, Any]) -> bool:
     return any(name.rpartition(".")[2] in words for name in values) or bool(remedies & set(options_by_name()))
 
 
-@pytest.mark.parametrize("people", [1, 2])
+@pytest.mark.parametrize("people", [pytest.param(1, marks=pytest.mark.long), 2])
 def test_default_options_give_the_people_of_the_recording(people):
     run_reconstruction(Options(), people)
     result = posefuse.reconstruct(*recording(people))

@@ -110,7 +110,13 @@ def test_coordinates_agree_with_the_status(seed):
     np.testing.assert_allclose(layer.reprojection_error_px[has_point], mean[has_point], rtol=1e-5)
 
 
-@pytest.mark.parametrize("lens", LENSES)
+@pytest.mark.parametrize(
+    "lens",
+    [
+        lens if lens in ("pinhole", "rational", "fisheye") else pytest.param(lens, marks=pytest.mark.long)
+        for lens in LENSES
+    ],
+)
 def test_covariance_regions_have_nominal_coverage(lens):
     """68 % and 95 % regions, with the noise estimated from the recording."""
     rng = np.random.default_rng(1)

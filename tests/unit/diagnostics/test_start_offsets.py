@@ -67,7 +67,7 @@ def test_unsynchronized_cameras_are_not_reported_as_moved():
     assert findings == ()
 
 
-@pytest.mark.parametrize("seed", [6001, 6003])
+@pytest.mark.parametrize("seed", [6001, pytest.param(6003, marks=pytest.mark.long)])
 def test_offsets_of_less_than_half_a_frame_are_corrected_for_free_running_cameras(seed):
     """None stands out, so that none is wrong on its own."""
     scene = healthy(seed, cameras=4, duration_s=30.0, rate_hz=RATE_HZ, activities=("walk",))
