@@ -1,6 +1,5 @@
 """The method percentile_filter against its description."""
 
-import copy
 import itertools
 import tracemalloc
 
@@ -101,8 +100,8 @@ def test_preparation_keeps_no_range_of_frames_in_memory():
 
     def peak_bytes(repetitions: int) -> int:
         tracemalloc.start()
-        pieces = itertools.repeat((data.detections, tracks), repetitions)
-        percentile_filter.prepare(data.rig, lambda: copy.copy(pieces), noise, options)
+        piece = (data.detections, tracks)
+        percentile_filter.prepare(data.rig, lambda: itertools.repeat(piece, repetitions), noise, options)
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         return peak
