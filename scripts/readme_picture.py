@@ -111,7 +111,7 @@ def _phase(n: int) -> float:
 
 
 def _frame(n: int) -> int:
-    """The frame of an image of the loop: there and back, slower where the direction changes."""
+    """Return the frame of an image of the loop: there and back, slower where the direction changes."""
     x = n / SHOWN * 2
     share = x if x <= 1 else 2 - x
     eased = 0.6 * share + 0.4 * share * share * (3 - 2 * share)
@@ -136,7 +136,7 @@ def _image(page: Page, clip: tuple[float, float, float, float], size: tuple[int,
 
 
 def _scenes(page: Page) -> list[Image.Image]:
-    """The scene of every image of the loop, turned by dragging it as a user does."""
+    """Return the scene of every image of the loop, turned by dragging it as a user does."""
     page.evaluate("() => dispatchEvent(new Event('resize'))")
     page.mouse.move(5, 60)
     page.mouse.wheel(0, WIDER)
@@ -153,7 +153,7 @@ def _scenes(page: Page) -> list[Image.Image]:
 
 
 def _films(page: Page, number: int, crop: tuple[float, float, float]) -> dict[int, Image.Image]:
-    """The needed frames of a video with the skeleton; what does not move is the same in all of them."""
+    """Return the needed frames of a video with the skeleton; what does not move is the same in all of them."""
     left, top, share = crop
     page.add_style_tag(content=f"#video-frame {{ width: {PANE[0] / share}px !important; }}")
     page.locator("#film-cameras button").nth(number).click()

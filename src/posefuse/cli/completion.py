@@ -25,8 +25,7 @@ _FUNCTION = """_posefuse() {
     fi
     [[ -z $choices ]] || COMPREPLY=($(compgen -W "$choices" -- "$word"))
 }
-complete -o default -F _posefuse posefuse
-"""
+complete -o default -F _posefuse posefuse"""
 _ZSH = "autoload -U +X bashcompinit && bashcompinit\n"
 """Zsh runs functions that are written for bash."""
 
@@ -41,7 +40,7 @@ def completion_script(app: App, commands: Mapping[str, str], shell: str) -> str:
     """
     options = {name: dict(_options(app[name])) for name in commands}
     if shell == "fish":
-        return "\n".join(_fish(commands, options)) + "\n"
+        return "\n".join(_fish(commands, options))
     choices = [
         f"        {quote(f'{command} {name}')}) choices={quote(' '.join(values))} ;;"
         for command, names in options.items()

@@ -214,11 +214,6 @@ def say(text: str) -> None:
     out.print(Text(as_flags(text)), soft_wrap=True)
 
 
-def print_plain(text: str) -> None:
-    """Print a text for other programs as it is."""
-    out.file.write(text)
-
-
 def wrap_lines(text: str, indent: int) -> list[str]:
     """Return a text in lines of 80 columns, indented, those after the first by four more; no word is broken."""
     first, others = " " * indent, " " * (indent + 4)

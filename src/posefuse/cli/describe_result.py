@@ -10,6 +10,7 @@ import numpy as np
 from posefuse.cli.console import count, detail, note, notes, percent, say, table, warn
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.skeleton.subject_words import subject_words
 
 if TYPE_CHECKING:
     from posefuse.report.summary import Summary
@@ -89,7 +90,6 @@ def _describe_points(result: Reconstruction, layer: LayerName, summary: "Summary
     from posefuse.model.status import USED_CODES, PointStatus, ViewStatus
     from posefuse.report.people import people_per_frame
     from posefuse.report.summary import format_sources
-    from posefuse.skeleton.subject_words import subject_words
 
     with_points = sum(n for code, n in summary.status_counts.items() if code.has_point)
     people = subject_words(result.skeleton)[1]
@@ -138,7 +138,6 @@ def _describe_people(result: Reconstruction, layer: LayerName) -> None:
     from posefuse.io.results.write import people_with_frames
     from posefuse.model.tracks import TrackState
     from posefuse.report.people import format_event_counts, presence_interval, summarize_people
-    from posefuse.skeleton.subject_words import subject_words
 
     word, _ = subject_words(result.skeleton)
     if not result.person_ids:

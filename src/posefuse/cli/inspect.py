@@ -124,11 +124,11 @@ def _examine(rig: CameraRig, detections: Detections, options: Options) -> tuple[
     return found
 
 
-Input = TypeVar("Input", CameraRig, Detections)
+_Input = TypeVar("_Input", CameraRig, Detections)
 
 
 @dataclass(frozen=True)
-class _Kind(Generic[Input]):
+class _Kind(Generic[_Input]):
     """How one kind of input is shown.
 
     Attributes:
@@ -142,13 +142,13 @@ class _Kind(Generic[Input]):
     name: str
     title: str
     columns: tuple[str, ...]
-    row: Callable[[Input], tuple[str, ...]]
-    show: Callable[[Input], None]
+    row: Callable[[_Input], tuple[str, ...]]
+    show: Callable[[_Input], None]
 
 
 def _show_all(
-    items: Sequence[RecognizedInput], read: Callable[[RecognizedInput], Input], kind: _Kind[Input], folder: Path
-) -> list[tuple[Path, Input]]:
+    items: Sequence[RecognizedInput], read: Callable[[RecognizedInput], _Input], kind: _Kind[_Input], folder: Path
+) -> list[tuple[Path, _Input]]:
     """Print inputs of one kind, in full if there is one or with ``--verbose``, else a row each; return those read."""
     brief = len(items) > 1 and not detail.verbose
     readable, rows = [], []
@@ -320,9 +320,8 @@ def _say_matches(read: _Inputs, options: Options) -> bool:
     if refused and not said:
         warn(f"views and cameras do not match: {refused[0]}")
     notes(list(dict.fromkeys(remark for _, _, remarks in said for remark in remarks)), _IN_FULL)
-    if single:
-        for words, _, _ in said:
-            say(f"{words}; posefuse reconstruct can process this folder")
+    if said and single:
+        say(f"{said[0][0]}; posefuse reconstruct can process this folder")
     elif detail.verbose or len(said) == 1:
         for words, flags, _ in said:
             say(f"{words}; to reconstruct, add\n{flags}")

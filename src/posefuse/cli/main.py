@@ -9,7 +9,7 @@ from cyclopts import App, CycloptsError, Parameter
 from cyclopts.config import Dict as DictConfig
 from rich.text import Text
 
-from posefuse.cli.console import detail, err, print_plain, print_problem, print_time, print_warnings
+from posefuse.cli.console import detail, err, print_problem, print_time, print_warnings, say
 from posefuse.cli.help import HelpFormatter
 from posefuse.errors import OptionsError, PosefuseError
 
@@ -91,7 +91,7 @@ def launch(
     if completion is not None:
         from posefuse.cli.completion import completion_script
 
-        return print_plain(completion_script(app, COMMANDS, completion))
+        return say(completion_script(app, COMMANDS, completion))
     _HELP.show_all = help_all
     detail.verbose = verbose
     if help_all:

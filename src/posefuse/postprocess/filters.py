@@ -138,6 +138,8 @@ def pass_cutoff_hz(options: ButterworthOptions, clock: Clock) -> float:
 
 def _savgol(options: SavgolOptions, clock: Clock) -> Smoother:
     """Return a Savitzky-Golay filter."""
+    from scipy.signal import savgol_filter  # Takes half a second to load.
+
     size = clock.window(options.window_s)
     if size <= options.degree:
         raise OptionsError(
@@ -150,8 +152,6 @@ def _savgol(options: SavgolOptions, clock: Clock) -> Smoother:
         size_used = min(size, len(xyz_m) - (len(xyz_m) + 1) % 2)
         if size_used <= options.degree:
             return xyz_m
-        from scipy.signal import savgol_filter
-
         return np.asarray(savgol_filter(xyz_m, size_used, options.degree, axis=0))
 
     return smoother

@@ -11,6 +11,7 @@ from posefuse.report.messages import message_html
 from posefuse.report.series import Gap, TimeSeries
 from posefuse.report.summary import Summary
 from posefuse.report.verdict import findings_of
+from posefuse.skeleton.subject_words import subject_words
 
 _HIGH_ERROR_RATIO = 1.5
 """List a camera or keypoint whose error exceeds the median of all by this factor."""
@@ -76,10 +77,11 @@ def format_interval(result: Reconstruction, start: int, stop: int) -> str:
 def _explain_empty_result(result: Reconstruction, summary: Summary) -> list[str]:
     """Return why there is nothing to see, if there is nothing."""
     if not result.person_ids:
+        one, several = subject_words(result.skeleton)
         return [
-            "No person was found. Either there are too few detections or their confidence is too low (posefuse inspect "
-            "counts them), or the cameras disagree on where people are: the calibration, the order of the cameras or a "
-            "clock may be wrong. See the notes below."
+            f"No {one} was found. Either there are too few detections or their confidence is too low (posefuse inspect "
+            f"counts them), or the cameras disagree on where {several} are: the calibration, the order of the cameras "
+            "or a clock may be wrong. See the notes below."
         ]
     if any(code.has_point for code in summary.status_counts):
         return []

@@ -196,16 +196,8 @@ def gap_section(result: Reconstruction, gaps: list[Gap]) -> str:
         rows.append(
             f"<tr><td>{link}</td>" + _cells((person, name, str(length), handling, gap.status.sentence)) + "</tr>"
         )
-    head = _head(
-        (
-            "Interval",
-            subject_heading(result.skeleton),
-            "Keypoint",
-            "Frames",
-            "Handling",
-            "Status of the first frame",
-        )
-    )
+    subject = subject_heading(result.skeleton)
+    head = _head(("Interval", subject, "Keypoint", "Frames", "Handling", "Status of the first frame"))
     table = (
         _collapsed(f"Longest gaps ({len(rows)})", head + "".join(rows))
         if rows
