@@ -5,10 +5,11 @@ import tempfile
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 from posefuse.arguments import checked
-from posefuse.errors import OptionsError
+from posefuse.errors import OptionsError, PosefuseError
 from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native
 from posefuse.model.options.options import Options
@@ -50,17 +51,24 @@ def warm_up(jobs: int = 2, *, progress: Progress | None = None) -> Sequence[str]
 
     Raises:
         OptionsError: if ``jobs`` is less than 1.
+        PosefuseError: if a process dies.
     """
     if jobs < 1:
         raise OptionsError(f"jobs must be at least 1, got {jobs}.")
     progress = progress or Silent()
     progress.start("compiling", len(TASKS))
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(jobs, len(TASKS)), mp_context=context) as pool:
-        for done in as_completed([pool.submit(_run, name) for name in TASKS]):
-            done.result()
-            progress.advance(1)
-    progress.finish()
+    try:
+        with ProcessPoolExecutor(min(jobs, len(TASKS)), mp_context=context) as pool:
+            for done in as_completed([pool.submit(_run, name) for name in TASKS]):
+                done.result()
+                progress.advance(1)
+    except BrokenProcessPool:
+        raise PosefuseError(
+            "A process that compiled kernels died. It may have run out of memory; `jobs=1` runs one at a time."
+        ) from None
+    finally:
+        progress.finish()
     return tuple(TASKS)
 
 

@@ -1,9 +1,13 @@
 """Warming up reconstructs short scenes of both kinds."""
 
+import os
+import signal
+
 import pytest
 
 from posefuse.cli.main import main
-from posefuse.errors import OptionsError
+from posefuse.errors import OptionsError, PosefuseError
+from posefuse.pipeline import warm_up as module
 from posefuse.pipeline.warm_up import TASKS, warm_up
 
 
@@ -18,3 +22,13 @@ def test_warming_up_says_what_is_ready_and_writes_nothing(tmp_path, monkeypatch,
 def test_a_wrong_number_of_processes_is_refused():
     with pytest.raises(OptionsError, match="at least 1, got 0"):
         warm_up(0)
+
+
+def _die(_: str) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_the_death_of_a_process_is_explained(monkeypatch):
+    monkeypatch.setattr(module, "_run", _die)
+    with pytest.raises(PosefuseError, match="out of memory.*jobs=1"):
+        warm_up(1)
