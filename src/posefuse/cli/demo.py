@@ -42,7 +42,8 @@ def demo(
     say("Simulating a person who walks, turns, reaches, sits and jumps, and five cameras with a detector like RTMPose")
     note(
         f"Errors of the detector: 2.25 px per 1000 px of image width and axis at confidence 1, heavy tails, "
-        f"{CURRENT.outlier_share:.1%} outliers, {CURRENT.miss_share:.0%} missed, {CURRENT.swap_share:.2%} limbs with "
+        f"{100 * CURRENT.outlier_share:g} % outliers, {100 * CURRENT.miss_share:g} % missed, "
+        f"{100 * CURRENT.swap_share:g} % limbs with "
         "left and right exchanged: half of what was measured on OpenPose (posefuse simulate)."
     )
     with replacing_folder(recording, marker=TRUTH, owned=(TRUTH,)) as staging:
