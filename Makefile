@@ -4,6 +4,8 @@ PYTEST := $(BIN)/python -m pytest
 SPHINX := $(BIN)/python -m sphinx -n -W --keep-going -q -j 2 -d docs/_build/doctrees
 # The processes of a test run share the cores: matrix products in several threads each would only compete.
 export OPENBLAS_NUM_THREADS ?= 1
+# Tests start many processes; without bytecode, each would compile the package.
+unexport PYTHONDONTWRITEBYTECODE
 LOCK := pyproject.toml uv.lock scripts/bootstrap.sh
 
 .PHONY: demo test test-long check lint types borders format benchmark docs docs-fast docs-links clean

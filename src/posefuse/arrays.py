@@ -42,6 +42,14 @@ def frozen(array: Any, dtype: Any = np.float64) -> np.ndarray:
     return out
 
 
+def kernel_array(array: Any, dtype: Any = np.float64) -> np.ndarray:
+    """Return a read-only contiguous array of the given type, without a copy where none is needed.
+
+    Kernels are compiled once for this layout, and again for any other.
+    """
+    return frozen(np.ascontiguousarray(array, dtype=dtype), dtype)
+
+
 class ArrayRange(LazyArray):
     """Range of rows of an array, which is read on first access and then kept in memory.
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.arrays import frozen
+from posefuse.arrays import frozen, kernel_array
 from posefuse.kernels import status_codes
 from posefuse.kernels.records import NoiseParameters, Observations, TriangulatedPoints
 from posefuse.kernels.triangulation.consensus import triangulate_consensus
@@ -62,7 +62,7 @@ def triangulate_groups(
     out = TriangulatedPoints.allocate(n, k, views)
     triangulate_consensus(
         rig.packed,
-        Observations(frozen(pixels), frozen(confidence), rows),
+        Observations(kernel_array(pixels), kernel_array(confidence), rows),
         NoiseParameters(frozen(noise.scale_px * options.sigma_factor), noise.exponent, options.min_confidence),
         ConsensusParameters(
             2,

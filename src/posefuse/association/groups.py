@@ -132,7 +132,7 @@ def compatible_pairs(
     if known_m is None or not len(known_m):
         return np.ones((len(detections.rows), len(detections.rows)), dtype=bool)
     near = np.empty((len(detections.rows), len(known_m)), dtype=bool)
-    cameras = rig.packed.array
+    cameras = rig.packed
     find_near_people(
         detections.rays,
         detections.weights,
@@ -201,7 +201,7 @@ def _form_groups(
     )
     sizes_px = np.array([camera.size_px for camera in rig.cameras], dtype=np.float64)
     context = FrameContext(
-        cameras=rig.packed.array,
+        cameras=rig.packed,
         sizes_px=np.where(frame.recorded[:, None], sizes_px, 0.0),
         boxes_px=bounding_boxes_px(frame.keypoints_px),
         box_view=frame.view,

@@ -127,7 +127,7 @@ def pairs_of(
         detections: Unassigned detections with all keypoints.
         options: Weights of the energy.
     """
-    pair = np.argwhere(np.triu(detections.view[:, None] != detections.view[None, :]))
+    pair = np.ascontiguousarray(np.argwhere(np.triu(detections.view[:, None] != detections.view[None, :])))
     shape = (len(pair), len(skeleton))
     points, errors = np.empty((*shape, 3)), np.empty((*shape, 2))
     triangulate_pairs(detections.rays, detections.weights, pair, points, errors)

@@ -135,7 +135,7 @@ def residual_rows(
     n = len(view)
     residual, by_point = np.empty((n, 2)), np.empty((n, 2, 3))
     by_lens, status = np.empty((n, 2, LENS_PARAMETERS)), np.empty(n, dtype=np.int64)
-    bundle_rows(rig.packed.array, view, points, pixels, residual, by_point, by_lens, status)
+    bundle_rows(rig.packed, np.ascontiguousarray(view), points, pixels, residual, by_point, by_lens, status)
     unseen = status != lens.OK
     for array in (residual, by_point, by_lens):
         array[unseen] = 0.0

@@ -79,7 +79,8 @@ def squared_distances(a: PosedView, b: PosedView) -> np.ndarray:
     zero = np.zeros_like(x)
     cross = np.stack([np.stack([zero, -z, y], -1), np.stack([z, zero, -x], -1), np.stack([-y, x, zero], -1)], axis=-2)
     essential = cross @ rotation
-    return sampson(a.xy, a.sigma, b.xy, b.sigma, np.ascontiguousarray(essential))
+    arrays = (np.ascontiguousarray(each) for each in (a.xy, a.sigma, b.xy, b.sigma, essential))
+    return sampson(*arrays)
 
 
 def disagreement_table(views: list[PosedView]) -> np.ndarray:

@@ -42,15 +42,6 @@ def inline(function: F) -> F:
     return _compile_subroutine(function, forceinline=True)
 
 
-def specialized(function: F) -> F:
-    """Compile an inlined subroutine that is specialized for arguments that may be None.
-
-    The compiler resolves ``if argument is not None`` from the type of the argument and removes the branch that is not
-    taken before it compiles the rest.
-    """
-    return _compile_subroutine(function, forceinline=True, no_rewrites=False)
-
-
 def _compile_subroutine(function: F, **options: Any) -> F:
     compile_function = cast("Any", numba.njit)
     minimal = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}

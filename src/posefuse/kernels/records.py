@@ -8,20 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 
-class CameraArrays(NamedTuple):
-    """Cameras of a rig, see :attr:`posefuse.model.cameras.CameraRig.packed`.
-
-    Attributes:
-        array: shape (view, COLUMNS), columns of :mod:`posefuse.kernels.cameras.lens`.
-        distorted: None if the rig has no lens with distortion polynomials; their code is then not compiled.
-        fisheye: None if the rig has no fisheye lens, likewise.
-    """
-
-    array: Any
-    distorted: Any
-    fisheye: Any
-
-
 class Detections(NamedTuple):
     """Detections of one frame.
 

@@ -21,13 +21,11 @@ def warm_up(session: Session, options: Options) -> None:
         session: the session to prepare; it is not changed.
         options: options of the session.
     """
-    cameras = session.rig.packed
-    lens = "fisheye" if cameras.fisheye else "pinhole" if cameras.distorted is None else "barrel"
     try:
-        scene = simulate_crowd(replace(_SCENE, lens=lens, skeleton=options.skeleton or _SCENE.skeleton))
+        scene = simulate_crowd(replace(_SCENE, skeleton=options.skeleton or _SCENE.skeleton))
     except PosefuseError:
         # The skeleton is not human; the kernels are the same.
-        scene = simulate_crowd(replace(_SCENE, lens=lens))
+        scene = simulate_crowd(_SCENE)
     # Keep only the options that select kernels, so that no warning is repeated.
     tracker = replace(options.tracker, known_m=(), stature_m=None)
     options = Options(triangulation=options.triangulation, association=options.association, tracker=tracker)

@@ -12,10 +12,9 @@ from typing import Annotated, Any, ClassVar, Self, overload
 import numpy as np
 
 from posefuse.arguments import Shape, checked
-from posefuse.arrays import PickledByFields, frozen, same
+from posefuse.arrays import PickledByFields, frozen, kernel_array, same
 from posefuse.described import Described
 from posefuse.errors import CameraError, MatchError, choices, suggestion
-from posefuse.kernels.records import CameraArrays
 from posefuse.model.camera_covariance import CameraCovariance, RigCovariance, checked_correlation, joined
 from posefuse.model.descriptions import describe_rig, plot_rig
 from posefuse.model.lenses import N_COEFFICIENTS, LensModel, lens_from_opencv
@@ -134,7 +133,7 @@ class Camera(PickledByFields):
         """
         from posefuse.kernels.cameras.lens import project_batch  # loads the compiler: import on first use
 
-        points = np.ascontiguousarray(points_m, dtype=np.float64).reshape(-1, 3)
+        points = kernel_array(points_m).reshape(-1, 3)
         pixels = np.empty((len(points), 2))
         codes = np.empty(len(points), dtype=np.int64)
         project_batch(self.packed[None], 0, points, pixels, codes)
@@ -152,7 +151,7 @@ class Camera(PickledByFields):
         """
         from posefuse.kernels.cameras.lens import rays_batch
 
-        flat = np.ascontiguousarray(pixels, dtype=np.float64).reshape(-1, 2)
+        flat = kernel_array(pixels).reshape(-1, 2)
         directions = np.empty((len(flat), 3))
         codes = np.empty(len(flat), dtype=np.int64)
         rays_batch(self.packed[None], 0, flat, directions, codes)
@@ -292,12 +291,9 @@ class CameraRig(Described, PickledByFields):
         return replace(self, cameras=tuple(self[name] for name in names))
 
     @cached_property
-    def packed(self) -> CameraArrays:
-        """The cameras as kernels read them, compiled without the lenses that the rig lacks: a quarter of the time."""
-        lenses = {camera.lens for camera in self.cameras}
-        distorted = True if lenses & {LensModel.BROWN, LensModel.RATIONAL} else None
-        fisheye = True if LensModel.FISHEYE in lenses else None
-        return CameraArrays(frozen(np.stack([camera.packed for camera in self.cameras])), distorted, fisheye)
+    def packed(self) -> np.ndarray:
+        """The cameras as kernels read them: shape (view, COLUMNS), columns of :mod:`posefuse.kernels.cameras.lens`."""
+        return frozen(np.stack([camera.packed for camera in self.cameras]))
 
     def project(self, points_m: Annotated[np.ndarray, Shape(..., 3)]) -> np.ndarray:
         """Project world points into every view.

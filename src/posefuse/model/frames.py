@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from posefuse.arguments import checked
-from posefuse.arrays import check_shape, frozen
+from posefuse.arrays import check_shape, kernel_array
 from posefuse.errors import DetectionsError
 from posefuse.model.detections import Detections
 
@@ -52,9 +52,8 @@ class Frame:
             )
         if np.isinf(self.keypoints_px).any():
             raise DetectionsError(f"Frame {self.number} contains an infinite pixel. Use NaN for missing keypoints.")
-        # Always read-only: Numba compiles another specialization for writable arrays.
-        object.__setattr__(self, "keypoints_px", frozen(self.keypoints_px))
-        object.__setattr__(self, "confidence", frozen(self.confidence))
+        object.__setattr__(self, "keypoints_px", kernel_array(self.keypoints_px))
+        object.__setattr__(self, "confidence", kernel_array(self.confidence))
 
     @cached_property
     def taken_s(self) -> list[float]:

@@ -17,14 +17,16 @@ from posefuse.pipeline.reconstruct_recording import reconstruct_recording
 from posefuse.progress import Progress, Silent
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
-from posefuse.synthetic.options import SceneOptions
+from posefuse.synthetic.options import DetectorOptions, SceneOptions
 from posefuse.synthetic.scenes import Scene, simulate
 
 _DURATION_S = 2.0
 
 
 def _one_subject(folder: Path) -> None:
-    _write(simulate(SceneOptions(duration_s=_DURATION_S, activities=("walk",))), folder)
+    # Swapped labels, so that the search for them is compiled.
+    detector = DetectorOptions(swap_share=0.1)
+    _write(simulate(SceneOptions(duration_s=_DURATION_S, activities=("walk",), detector=detector)), folder)
     for solve in ("frame", "trajectory"):
         reconstruct_recording(folder, folder / solve, Options(solve=solve))
 

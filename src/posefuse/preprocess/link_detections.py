@@ -6,6 +6,7 @@ cross each other give several short tracks rather than one that changes its pers
 
 import numpy as np
 
+from posefuse.arrays import kernel_array
 from posefuse.kernels.calibration.tracklets import ViewRows, link_detections, remove_duplicates
 from posefuse.skeleton.skeletons import Skeleton
 
@@ -41,6 +42,7 @@ def _link(
 ) -> np.ndarray:
     least_common = min(3, len(skeleton))
     track = np.full(len(ids), -1, dtype=np.int64)
+    keypoints_px, ids = kernel_array(keypoints_px), kernel_array(ids, np.int64)
     remove_duplicates(starts, keypoints_px, skeleton.mirror, least_common, _DUPLICATE, track)
     limits = np.array([*_LINK_LIMITS, float(least_common), _NEAR_NEW])
     link_detections(starts, time_s, ViewRows(keypoints_px, ids, skeleton.mirror, limits), track)

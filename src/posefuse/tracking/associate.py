@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.arrays import frozen
+from posefuse.arrays import frozen, kernel_array
 from posefuse.kernels.tracking.frame_statistics import assign_labels, clear_majority_swaps, record_matches
 from posefuse.kernels.tracking.matching import match_views
 from posefuse.model.frames import Frame
@@ -119,5 +119,5 @@ def suppress_single_view_matches(rows: np.ndarray, gain: np.ndarray, lost: np.nd
 def _keypoint_labels(rows: np.ndarray, swapped: np.ndarray, settings: TrackerSettings) -> np.ndarray:
     """Return which of a detection's keypoints is the body's, shape (track, view, keypoint)."""
     labels = np.empty((*rows.shape, len(settings.skeleton)), dtype=np.int64)
-    assign_labels(rows, swapped, settings.group_of, settings.skeleton.mirror, labels)
+    assign_labels(rows, swapped, kernel_array(settings.group_of, np.int64), settings.skeleton.mirror, labels)
     return labels

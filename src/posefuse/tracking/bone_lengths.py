@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from posefuse.arrays import frozen
+from posefuse.arrays import frozen, kernel_array
 from posefuse.kernels.tracking.records import AssignedDetections, State, UpdateResults
 from posefuse.kernels.tracking.smoothing import apply_changes
 from posefuse.kernels.tracking.update import update_people
@@ -245,7 +245,7 @@ def measure_lengths(
     wide.free[:] = 1
     wide.covariance[:] = _wide_covariance(tree, settings.options.motion)
     detections = AssignedDetections(
-        np.ascontiguousarray(rows), np.ascontiguousarray(labels), keypoints_px, frame.confidence
+        np.ascontiguousarray(rows), np.ascontiguousarray(labels), kernel_array(keypoints_px), frame.confidence
     )
     out = UpdateResults(np.empty(labels.shape, dtype=np.int64), np.empty(bodies), np.empty(bodies))
     update_people(settings.cameras, settings.body, settings.law, detections, np.ones(bodies), _STEPS, wide, out)

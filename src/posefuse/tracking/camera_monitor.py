@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.arrays import frozen
+from posefuse.arrays import kernel_array
 from posefuse.kernels.tracking.frame_statistics import accumulate_view_support, update_silence
 from posefuse.kernels.tracking.records import ViewSilence, ViewSupport
 from posefuse.model.frames import Frame
@@ -104,8 +104,8 @@ class CameraMonitor:
         change = np.empty(len(recorded), dtype=np.int64)
         silence = ViewSilence(self.absent_s, self.blind_s, self.active_s, self.silent)
         if not update_silence(
-            frozen(recorded, np.bool_), n_detections, self.n_due, dt_s, options.silent_after_s, options.back_after_s,
-            silence, change,
+            kernel_array(recorded, np.bool_), n_detections, self.n_due, dt_s, options.silent_after_s,
+            options.back_after_s, silence, change,
         ):  # fmt: skip
             return []
         changes: list[CameraChange] = [

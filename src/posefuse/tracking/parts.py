@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.arrays import frozen
+from posefuse.arrays import kernel_array
 from posefuse.kernels import status_codes
 from posefuse.kernels.records import NoiseParameters, Observations, TriangulatedPoints
 from posefuse.kernels.tracking.anchors import update_from_anchors
@@ -263,8 +263,7 @@ class PartTracker:
         s, (views, points) = self.settings, trust.shape
         out = TriangulatedPoints.allocate(1, points, views)
         whose = np.where(rows >= 0, np.arange(views), status_codes.NO_DETECTION)[None]
-        # Frozen as the arrays of a recording are: the kernel is compiled for these already.
-        seen = Observations(frozen(pixels), frozen(trust), whose)
+        seen = Observations(kernel_array(pixels), kernel_array(trust), whose)
         noise = NoiseParameters(s.noise.scale_px, s.noise.exponent, s.law.min_confidence)
         triangulate_views(s.rig.packed, seen, noise, 2, out)
         return out.points[0], out.covariance[0]

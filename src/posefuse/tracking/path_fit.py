@@ -64,7 +64,7 @@ class PathDetections:
         view = np.tile(np.arange(views), frames)
         values = confidence.reshape(-1, keypoints).astype(np.float64)
         variance = settings.variance_px2(values, view).reshape(confidence.shape)
-        pixels = keypoints_px.astype(np.float64)
+        pixels = keypoints_px.astype(np.float64, order="C")
         pixels[confidence < settings.law.min_confidence] = np.nan
         return cls(time_s, pixels, variance)
 

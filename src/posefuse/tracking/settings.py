@@ -66,7 +66,7 @@ class TrackerSettings(PickledByFields):
 
     def __post_init__(self) -> None:
         # Freeze the arrays also if the settings were pickled: kernels compile writable arrays as another type.
-        object.__setattr__(self, "cameras", self.rig.packed.array)
+        object.__setattr__(self, "cameras", self.rig.packed)
         object.__setattr__(self, "body", body_of(self.tree))
         object.__setattr__(self, "core", frozen(self.core, np.int64))
 
@@ -93,7 +93,7 @@ class TrackerSettings(PickledByFields):
         )
         decay, power = motion_parameters(tree, options.motion)
         # The spread makes the filter expect the tails of accepted errors as well.
-        cameras = rig.packed.array
+        cameras = rig.packed
         law = ErrorModel(
             np.ascontiguousarray(noise.scale_px * noise.spread),
             float(noise.exponent),

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from posefuse.arrays import frozen
+from posefuse.arrays import kernel_array
 from posefuse.kernels.tracking.predict import predict_people
 from posefuse.kernels.tracking.records import USED, AssignedDetections, State, UpdateResults
 from posefuse.kernels.tracking.update import update_people
@@ -242,7 +242,8 @@ def update_by_observation(
     first = np.isinf(since_s)
     law = settings.law._replace(gate=np.inf) if first else settings.law
     temper = tempering_factor(np.array([since_s]), settings.options.error_memory_s)
-    detections = AssignedDetections(rows, labels, frozen(observation.keypoints_px), frozen(observation.confidence))
+    keypoints_px, confidence = kernel_array(observation.keypoints_px), kernel_array(observation.confidence)
+    detections = AssignedDetections(rows, labels, keypoints_px, confidence)
     iterations = _FIRST_ITERATIONS if first else settings.options.iterations
     out = UpdateResults(use, np.empty(1), np.empty(1))
     update_people(settings.cameras, settings.body, law, detections, temper, iterations, state, out)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from posefuse.arrays import kernel_array
 from posefuse.kernels.tracking.frame_statistics import update_gated_time
 from posefuse.kernels.tracking.records import USED, AssignedDetections, State, UpdateResults
 from posefuse.kernels.tracking.update import update_people
@@ -118,7 +119,8 @@ def _update_by(
 ) -> np.ndarray:
     """Update states by some of the detections and return squared innovations, shape (track,)."""
     s, innovation = setup.settings, np.empty(len(rows))
-    detections = AssignedDetections(rows, association.labels, association.frame.keypoints_px, noise.confidence)
+    keypoints_px, confidence = association.frame.keypoints_px, kernel_array(noise.confidence)
+    detections = AssignedDetections(rows, association.labels, keypoints_px, confidence)
     out = UpdateResults(use, np.empty(len(rows)), innovation)
     update_people(s.cameras, s.body, noise.law, detections, noise.temper, s.options.iterations, state, out)
     return innovation

@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from posefuse.arrays import ArraySource, frozen
+from posefuse.arrays import ArraySource, kernel_array
 from posefuse.kernels.records import Observations, TriangulatedPoints
 from posefuse.model.detections import Detections
 from posefuse.model.reconstruction import Layer
@@ -56,7 +56,7 @@ def rows_by_person_frame(tracks: Tracks, detections: Detections) -> np.ndarray:
 
 def observations_of(tracks: Tracks, detections: Detections) -> Observations:
     """Return the detections of all people as kernels take them."""
-    keypoints_px, confidence = frozen(detections.keypoints_px), frozen(detections.confidence)
+    keypoints_px, confidence = kernel_array(detections.keypoints_px), kernel_array(detections.confidence)
     return Observations(keypoints_px, confidence, rows_by_person_frame(tracks, detections))
 
 

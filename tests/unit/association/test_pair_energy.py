@@ -40,7 +40,7 @@ def standing(x_m: float, y_m: float = 0.0) -> np.ndarray:
     points = np.full((len(SKELETON), 3), np.nan)
     points[SKELETON.index("mid_hip")] = [x_m, y_m, 0.95]
     state = initial_state(TREE, points, TREE.shape_m, TREE.shape_covariance, MotionOptions())
-    return ProjectedBodies.of(state, RIG.packed.array[:0], body_of(TREE)).points_m[0]
+    return ProjectedBodies.of(state, RIG.packed[:0], body_of(TREE)).points_m[0]
 
 
 def frame_of(people: list[np.ndarray], rng: np.random.Generator, sd_px: float = 1.0) -> Frame:

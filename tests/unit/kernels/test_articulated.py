@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from posefuse.arrays import kernel_array
 from posefuse.kernels.linear_algebra import rotations, symmetric
 from posefuse.kernels.tracking import body_kinematics, update
 from posefuse.kernels.tracking.error_model import ErrorModel
@@ -171,10 +172,10 @@ def test_update_matches_the_kalman_formula_for_a_linear_problem(lens, rng):
     use = np.empty((1, 4, keypoints), dtype=np.int64)
     moved, surprise = np.empty(1), np.empty(1)
     update.update_people(
-        rig.packed.array,
+        rig.packed,
         body_of(TREE),
         law,
-        AssignedDetections(np.arange(4)[None], labels, pixels, np.ones((4, keypoints))),
+        AssignedDetections(np.arange(4)[None], labels, kernel_array(pixels), kernel_array(np.ones((4, keypoints)))),
         np.ones(1),
         3,
         state,
@@ -216,9 +217,11 @@ def test_joint_limits_correct_violations(rng):
     rig = build_rig(n_cameras=1)
     for _ in range(3):
         labels, pixels = np.zeros((1, 1, keypoints), int), np.empty((0, keypoints, 2))
-        none = AssignedDetections(np.full((1, 1), -1), labels, pixels, np.empty((0, keypoints)))
+        none = AssignedDetections(
+            np.full((1, 1), -1), labels, kernel_array(pixels), kernel_array(np.empty((0, keypoints)))
+        )
         out = UpdateResults(np.empty((1, 1, keypoints), np.int64), np.empty(1), np.empty(1))
-        update.update_people(rig.packed.array, body_of(TREE), law, none, np.ones(1), 5, state, out)
+        update.update_people(rig.packed, body_of(TREE), law, none, np.ones(1), 5, state, out)
     thigh, shank, across = state.bones[0, knee, :, 2], state.bones[0, ankle, :, 2], state.turns[0, 0, :, 1]
     assert np.cross(before[2][0, knee, :, 2], before[2][0, ankle, :, 2]) @ before[1][0, 0, :, 1] < -0.5
     assert np.cross(thigh, shank) @ across > -0.2
@@ -237,9 +240,10 @@ def test_indefinite_covariance_is_reported_and_ignored(rng):
     moved, surprise = np.zeros(1), np.zeros(1)
     law = ErrorModel(np.full(2, 2.0), 0.0, 0.0, 1e9, 1e9, 1e9, 0.0)
     labels = np.tile(np.arange(keypoints), (1, 2, 1))
-    detections = AssignedDetections(np.arange(2)[None], labels, np.zeros((2, keypoints, 2)), np.ones((2, keypoints)))
+    nothing = kernel_array(np.zeros((2, keypoints, 2)))
+    detections = AssignedDetections(np.arange(2)[None], labels, nothing, kernel_array(np.ones((2, keypoints))))
     out = UpdateResults(use, moved, surprise)
-    update.update_people(rig.packed.array, body_of(TREE), law, detections, np.ones(1), 3, state, out)
+    update.update_people(rig.packed, body_of(TREE), law, detections, np.ones(1), 3, state, out)
     assert (use == UNOBSERVED).all()
     assert np.isnan([moved[0], surprise[0], *state.root[0]]).all()
 

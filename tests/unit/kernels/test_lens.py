@@ -130,7 +130,7 @@ def test_rows_reproduce_the_residual_to_first_order(lens, rng):
 
 
 def rows_of(camera: Camera, pixels: np.ndarray, codes: np.ndarray, rows: np.ndarray) -> None:
-    rows_block(camera.packed[None], True, True, 0, pixels, codes, rows, np.empty((6, BLOCK)))
+    rows_block(camera.packed[None], 0, pixels, codes, rows, np.empty((6, BLOCK)))
 
 
 @pytest.mark.parametrize("lens", LENSES)

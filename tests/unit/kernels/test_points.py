@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from posefuse.arrays import kernel_array
 from posefuse.kernels import status_codes
 from posefuse.kernels.cameras import points
 from posefuse.kernels.cameras.observation_rows import BLOCK
@@ -41,11 +42,11 @@ def triangulate(
     triangulate_views(
         rig.packed,
         Observations(
-            np.ascontiguousarray(pixels.reshape(-1, keypoints, 2)),
-            np.ascontiguousarray(trust.reshape(-1, keypoints)),
+            kernel_array(pixels.reshape(-1, keypoints, 2)),
+            kernel_array(trust.reshape(-1, keypoints)),
             np.arange(n * views).reshape(n, views) if rows is None else rows,
         ),
-        NoiseParameters(np.full(views, scale_px), exponent, min_confidence),
+        NoiseParameters(kernel_array(np.full(views, scale_px)), exponent, min_confidence),
         min_views,
         out,
     )

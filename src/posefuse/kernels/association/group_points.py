@@ -63,7 +63,7 @@ def compute_observations(cameras, detections, noise, selected, core, rays, weigh
     """Compute observation rows and weights of single detections.
 
     Args:
-        cameras: CameraArrays.
+        cameras: the camera array.
         detections: Detections.
         noise: NoiseParameters.
         selected: shape (detection,), int64: the rows to use.
@@ -72,10 +72,9 @@ def compute_observations(cameras, detections, noise, selected, core, rays, weigh
             :func:`posefuse.kernels.cameras.observation_rows.rows_block`.
         weights: shape (detection, core), written: 1 / sigma^2 in 1/px^2, 0 where there is no observation.
     """
-    array, distorted, fisheye = cameras
     keypoints_px, confidence, view = detections
     scale_px, exponent, min_confidence = noise
-    n_views = array.shape[0]
+    n_views = cameras.shape[0]
     pixels = np.empty((n_views, 2, BLOCK))
     block_codes = np.empty((n_views, BLOCK), np.int64)
     block_rows = np.empty((n_views, 12, BLOCK))
@@ -89,7 +88,7 @@ def compute_observations(cameras, detections, noise, selected, core, rays, weigh
             for j in range(BLOCK):
                 pixels[v, 0, j] = keypoints_px[row, core[first + j], 0] if j < here else math.nan
                 pixels[v, 1, j] = keypoints_px[row, core[first + j], 1] if j < here else math.nan
-            rows_block(array, distorted, fisheye, v, pixels, block_codes, block_rows, scratch)
+            rows_block(cameras, v, pixels, block_codes, block_rows, scratch)
             for j in range(here):
                 c = confidence[row, core[first + j]]
                 usable_confidence = c if c == c else 1.0

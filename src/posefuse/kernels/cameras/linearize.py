@@ -16,14 +16,13 @@ def linearize(cameras, points, pixels, residuals, jacobians):
     They are those of the observation rows: exact without distortion, and first order in the residual with distortion.
 
     Args:
-        cameras: CameraArrays.
+        cameras: the camera array.
         points: shape (point, 3), in the world.
         pixels: shape (point, view, 2), NaN where missing.
         residuals: shape (point, view, 2), written: projected minus observed, px; NaN where undefined.
         jacobians: shape (point, view, 2, 3), written: derivatives of the residuals, px per unit; NaN where undefined.
     """
-    array, distorted, fisheye = cameras
-    n_views = array.shape[0]
+    n_views = cameras.shape[0]
     block = np.empty((n_views, 2, BLOCK))
     codes = np.empty((n_views, BLOCK), np.int64)
     rows = np.empty((n_views, 12, BLOCK))
@@ -35,7 +34,7 @@ def linearize(cameras, points, pixels, residuals, jacobians):
                 n = first + min(j, size - 1)
                 block[v, 0, j] = pixels[n, v, 0]
                 block[v, 1, j] = pixels[n, v, 1]
-            rows_block(array, distorted, fisheye, v, block, codes, rows, scratch)
+            rows_block(cameras, v, block, codes, rows, scratch)
             for j in range(size):
                 _store(rows, v, j, codes[v, j] == OK, points, first + j, residuals, jacobians)
 

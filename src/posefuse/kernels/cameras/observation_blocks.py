@@ -20,7 +20,7 @@ from posefuse.kernels.cameras.lens import (
     to_camera,
 )
 from posefuse.kernels.cameras.observation_rows import BLOCK, residual
-from posefuse.kernels.jit import inline, specialized
+from posefuse.kernels.jit import inline, subroutine
 
 
 @inline
@@ -105,8 +105,8 @@ def compute_weights(scale_px, exponent, block_confidence, lens_codes, view_codes
             view_codes[v, j] = status_codes.VIEW_BEYOND_LENS if beyond else view_codes[v, j]
 
 
-@specialized
-def reproject_block(cameras, distorted, fisheye, pixels, state, view_errors):
+@inline
+def reproject_block(cameras, pixels, state, view_errors):
     """Compute reprojection errors in px through the full lens model; NaN where undefined.
 
     The first three rows of ``state`` are the points. The projection equals that of ``project_point``, one block at a
@@ -115,13 +115,13 @@ def reproject_block(cameras, distorted, fisheye, pixels, state, view_errors):
     for v in range(pixels.shape[0]):
         if cameras[v, LENS] == PINHOLE:
             _reproject_pinhole(cameras, v, pixels, state, view_errors)
-        if fisheye is not None and cameras[v, LENS] == FISHEYE:
+        if cameras[v, LENS] == FISHEYE:
             _reproject_fisheye(cameras, v, pixels, state, view_errors)
-        if distorted is not None and cameras[v, LENS] != PINHOLE and cameras[v, LENS] != FISHEYE:
+        if cameras[v, LENS] != PINHOLE and cameras[v, LENS] != FISHEYE:
             _reproject_distorted(cameras, v, pixels, state, view_errors)
 
 
-@inline
+@subroutine
 def _reproject_fisheye(cameras, v, pixels, state, view_errors):
     """Reproject a block through a fisheye lens."""
     for j in range(BLOCK):
@@ -148,7 +148,7 @@ def _reproject_pinhole(cameras, v, pixels, state, view_errors):
         view_errors[v, j] = error if z > 0.0 else math.nan
 
 
-@inline
+@subroutine
 def _reproject_distorted(cameras, v, pixels, state, view_errors):
     """Reproject a block through a lens with distortion polynomials."""
     limit = cameras[v, MAX_RADIUS] ** 2

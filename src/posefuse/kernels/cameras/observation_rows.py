@@ -27,7 +27,7 @@ from posefuse.kernels.cameras.lens import (
     fisheye_radius,
     undistort_normalized,
 )
-from posefuse.kernels.jit import inline, specialized
+from posefuse.kernels.jit import inline, subroutine
 
 BLOCK = 16
 """Number of points per block, so that the compiler can use vector instructions.
@@ -39,8 +39,8 @@ block. With smaller blocks, the compiler unrolls the loops over a block before i
 _BLOCK_NEWTON_ITERATIONS = 8
 
 
-@specialized
-def rows_block(cameras, distorted, fisheye, v, pixels, codes, rows, scratch):
+@inline
+def rows_block(cameras, v, pixels, codes, rows, scratch):
     """Convert a block of pixels of one view to rows that make the reprojection residual linear.
 
     With the rows ``g0, g1, c`` (4 numbers each, acting on the homogeneous world point), the reprojection residual in
@@ -50,24 +50,22 @@ def rows_block(cameras, distorted, fisheye, v, pixels, codes, rows, scratch):
 
     Args:
         cameras: the camera array.
-        distorted: None if the rig has no lens with distortion polynomials; their code is then not compiled.
-        fisheye: None if the rig has no fisheye lens.
         v: the view.
         pixels: shape (view, 2, BLOCK).
         codes: shape (view, BLOCK), written: lens status of each pixel.
         rows: shape (view, 12, BLOCK), written: g0, g1, c; zero residual at depth 1 where the status is not OK.
         scratch: shape (6, BLOCK).
     """
-    if fisheye is not None and cameras[v, LENS] == FISHEYE:
+    if cameras[v, LENS] == FISHEYE:
         _fisheye_rows(cameras, v, pixels, codes, rows)
         return
-    if distorted is not None and cameras[v, LENS] != PINHOLE:
+    if cameras[v, LENS] != PINHOLE:
         _distorted_rows(cameras, v, pixels, codes, rows, scratch)
         return
     _pinhole_rows(cameras, v, pixels, codes, rows)
 
 
-@inline
+@subroutine
 def _distorted_rows(cameras, v, pixels, codes, rows, scratch):
     """Write the rows of a lens with distortion polynomials: the derivative at the undistorted pixel."""
     _undistort_block(cameras, v, pixels, codes, scratch)
@@ -112,7 +110,7 @@ def _pinhole_rows(cameras, v, pixels, codes, rows):
         _clear_invalid_rows(codes, v, rows)
 
 
-@inline
+@subroutine
 def _fisheye_rows(cameras, v, pixels, codes, rows):
     """Write the rows of a fisheye: the derivative at the observed angle, the depth along the observed ray."""
     for j in range(BLOCK):

@@ -43,7 +43,6 @@ _CONVERGED = 1e-2
 @inline
 def _load(cameras, observations, noise, pairs, workspace):
     """Read both observations of every lane, and rank the views by the confidence of either."""
-    array, distorted, fisheye = cameras
     keypoints_px, confidence, detection_rows = observations
     scale_px, exponent, min_confidence = noise
     for label in range(2):
@@ -65,14 +64,12 @@ def _load(cameras, observations, noise, pairs, workspace):
             block_confidence,
             view_codes,
         )
-        for v in range(array.shape[0]):
-            rows_block(
-                array, distorted, fisheye, v, pixels, workspace.lens_codes, workspace.rows[label], workspace.scratch
-            )
+        for v in range(cameras.shape[0]):
+            rows_block(cameras, v, pixels, workspace.lens_codes, workspace.rows[label], workspace.scratch)
         compute_weights(
             scale_px, exponent, block_confidence, workspace.lens_codes, view_codes, workspace.weights[label]
         )
-    for v in range(array.shape[0]):
+    for v in range(cameras.shape[0]):
         for j in range(BLOCK):
             left = workspace.weights[0, v, j] > 0.0
             right = workspace.weights[1, v, j] > 0.0
@@ -197,8 +194,7 @@ def _finish_side(cameras, workspace, side, bound, min_views):
         workspace.status,
     )
     judge_geometry(workspace.state, workspace.sums[0], workspace.status)
-    array, distorted, fisheye = cameras
-    reproject_block(array, distorted, fisheye, workspace.side_pixels, workspace.state, workspace.side_errors)
+    reproject_block(cameras, workspace.side_pixels, workspace.state, workspace.side_errors)
     fill_linearized_errors(workspace.side_rows, workspace.side_weights, workspace.state, workspace.side_errors)
 
 
@@ -207,7 +203,7 @@ def solve_pairs(cameras, observations, noise, parameters, previous, given_points
     """Solve for two points of every pair of keypoints; the labels of observations only determine their order.
 
     Args:
-        cameras: CameraArrays.
+        cameras: the camera array.
         observations: Observations.
         noise: NoiseParameters.
         parameters: PairParameters.
@@ -224,7 +220,7 @@ def solve_pairs(cameras, observations, noise, parameters, previous, given_points
     )
     n_pairs = pairs.shape[0]
     total = observations.detection_rows.shape[0] * n_pairs
-    n_views = cameras.array.shape[0]
+    n_views = cameras.shape[0]
     # Allocate here: the compiler must know the length of the last axis to use vector instructions.
     workspace = Workspace(
         lane_indices=np.empty((2, BLOCK), np.int64),

@@ -47,16 +47,15 @@ def triangulate_views(cameras, observations, noise, min_views, out):
     """Triangulate maximum-likelihood points from all valid views, without outlier rejection.
 
     Args:
-        cameras: CameraArrays.
+        cameras: the camera array.
         observations: Observations.
         noise: NoiseParameters.
         min_views: points with fewer valid views are not solved (at least 2).
         out: TriangulatedPoints, written.
     """
-    array, distorted, fisheye = cameras
     keypoints_px, confidence, detection_rows = observations
     scale_px, exponent, min_confidence = noise
-    n_views = array.shape[0]
+    n_views = cameras.shape[0]
     n_keypoints = keypoints_px.shape[1]
     total = detection_rows.shape[0] * n_keypoints
     pixels = np.empty((n_views, 2, BLOCK))
@@ -88,13 +87,13 @@ def triangulate_views(cameras, observations, noise, min_views, out):
             block_codes,
         )
         for v in range(n_views):
-            rows_block(array, distorted, fisheye, v, pixels, lens_codes, rows, scratch)
+            rows_block(cameras, v, pixels, lens_codes, rows, scratch)
         compute_weights(scale_px, exponent, block_confidence, lens_codes, block_codes, weights)
         open_lanes(weights, min_views, lane_status, n_used)
         solve_block(rows, weights, sums, state, lane_status)
         _point_codes(lane_status, n_used, min_views, point_codes)
         judge_geometry(state, sums, point_codes)
-        reproject_block(array, distorted, fisheye, pixels, state, errors)
+        reproject_block(cameras, pixels, state, errors)
         fill_linearized_errors(rows, weights, state, errors)
         store_points(state, sums, point_codes, lane_indices, points, covariance, status)
         store_view_results(block_codes, errors, point_codes, lane_indices, out)

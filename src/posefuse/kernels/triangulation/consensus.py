@@ -177,17 +177,16 @@ def triangulate_consensus(cameras, observations, noise, parameters, out):
     """Triangulate the points that most views agree on, and identify these views.
 
     Args:
-        cameras: CameraArrays.
+        cameras: the camera array.
         observations: Observations.
         noise: NoiseParameters.
         parameters: ConsensusParameters.
         out: TriangulatedPoints, written.
     """
-    array, distorted, fisheye = cameras
     keypoints_px, confidence, detection_rows = observations
     scale_px, exponent, min_confidence = noise
     min_views, early_limit = parameters.min_views, parameters.early_limit
-    n_views = array.shape[0]
+    n_views = cameras.shape[0]
     n_keypoints = keypoints_px.shape[1]
     total = detection_rows.shape[0] * n_keypoints
     pixels = np.empty((n_views, 2, BLOCK))
@@ -239,7 +238,7 @@ def triangulate_consensus(cameras, observations, noise, parameters, out):
             block_codes,
         )
         for v in range(n_views):
-            rows_block(array, distorted, fisheye, v, pixels, lens_codes, rows, scratch)
+            rows_block(cameras, v, pixels, lens_codes, rows, scratch)
         compute_weights(scale_px, exponent, block_confidence, lens_codes, block_codes, weights)
         if thorough:
             rank_views(block_confidence, weights, ranks, n_used)
@@ -254,7 +253,7 @@ def triangulate_consensus(cameras, observations, noise, parameters, out):
             postpone_contested(workspace, n_keypoints, min_views, early_limit)
         _assign_point_codes(workspace, bound, min_views)
         _compute_covariance(workspace, thorough)
-        reproject_block(array, distorted, fisheye, pixels, state, errors)
+        reproject_block(cameras, pixels, state, errors)
         fill_linearized_errors(rows, accepted, state, errors)
         _mark_outliers(accepted, point_codes, block_codes)
         store_points(state, sums, point_codes, lane_indices, points, covariance, status)
