@@ -146,6 +146,7 @@ def test_interrupted_batch_resumes_within_a_recording(tmp_path, monkeypatch):
     assert out == whole
 
 
+@pytest.mark.long
 def test_result_is_recomputed_if_timestamps_change(run, tmp_path):
     """Timestamp files beside the keypoints are part of the input."""
     scene = simulate(SceneOptions(duration_s=1.0, cameras=3))

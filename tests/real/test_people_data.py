@@ -53,6 +53,7 @@ def test_proposals_in_mvor(operating_room, shared_data):
     assert actual.false_share <= 0.05
 
 
+@pytest.mark.long
 def test_unrelated_frames_of_mvor_are_reconstructed_without_tracking(operating_room, shared_data):
     """Tracking across 75 s finds 0.4 of the oracle's people."""
     data = operating_room(shared_data)

@@ -38,7 +38,7 @@ def exchange_a_quarter(detections: Detections, view: int, seed: int) -> tuple[De
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2))])
-@pytest.mark.parametrize("recording", [pose2sim, caliscope_webcams])
+@pytest.mark.parametrize("recording", [pose2sim, pytest.param(caliscope_webcams, marks=pytest.mark.long)])
 def test_swapped_limbs_in_one_view_do_not_change_the_result(recording, seed, shared_data):
     rig, detections = recording(shared_data)
     detections = detections if detections.rate_hz else detections.with_rate(60.0)

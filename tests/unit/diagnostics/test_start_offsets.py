@@ -50,6 +50,7 @@ def test_all_offsets_are_measured_if_no_two_clocks_agree(offsets):
     assert set(sync.cameras) == set(scene.rig.names[1:])
 
 
+@pytest.mark.long
 def test_unsynchronized_cameras_are_not_reported_as_moved():
     """Each of several offsets alone resembles a wrong pose; every clock but the common one is named and corrected."""
     offsets = (-1.4, -0.9, 0.0, 1.5, -0.6, 1.4)

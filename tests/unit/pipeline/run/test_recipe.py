@@ -112,6 +112,7 @@ def test_a_frame_of_views_that_started_seconds_apart_is_explained(calibrated):
     assert {each.person for view in report.views for each in view.detections} == {"person_1"}
 
 
+@pytest.mark.long
 def test_cameras_are_calibrated_by_the_people(phones, tmp_path):
     videos, person = phones
     choices = RunOptions(by_people=PeopleOptions(stature_m=1.75))
