@@ -142,7 +142,7 @@ def moved_rig(rig, turned_deg, shift_m):
     return replace(rig, cameras=cameras, up_axis="z")
 
 
-@pytest.mark.parametrize(("turned_deg", "shift_m"), [(0.0, 0.0), (3.0, 0.1)])
+@pytest.mark.parametrize(("turned_deg", "shift_m"), [pytest.param(0.0, 0.0, marks=pytest.mark.long), (3.0, 0.1)])
 def test_moved_cameras_are_named_and_the_others_stay(scene, turned_deg, shift_m):
     earlier = moved_rig(scene.rig, turned_deg, shift_m)
     result = posefuse.recalibrate(scene.detections, None, earlier)

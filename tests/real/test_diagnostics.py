@@ -36,6 +36,7 @@ def test_correct_calibrations_have_no_findings(shared_data, folder, calibration,
     assert inspected(shared_data(folder), calibration, keypoints) == ()
 
 
+@pytest.mark.long
 def test_webcams_are_unsynchronized_until_corrected(shared_data):
     """Their timestamps are within 3 ms, but the offsets of more than a frame predict left-out views better."""
     folder = shared_data("caliscope_webcams")

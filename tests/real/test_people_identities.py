@@ -20,6 +20,7 @@ def identified(name: str, shared_data):
     return case, people, identify_people(people)
 
 
+@pytest.mark.long
 def test_two_people_and_a_passer_by(shared_data):
     """Both people in all views, the passer-by in two; detections are shuffled and have no identities."""
     case, people, found = identified("two_people", shared_data)

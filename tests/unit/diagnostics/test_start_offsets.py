@@ -144,6 +144,7 @@ def test_late_view_may_lose_its_detections():
     assert late.size == pytest.approx(2.0, abs=0.3)
 
 
+@pytest.mark.long
 def test_dropped_frames_are_dated_by_the_timestamps_of_the_view():
     """A view 45 frames late drops 4 frames in the middle; the result uses its own timestamps."""
     scene = healthy(12, cameras=5, duration_s=40.0, rate_hz=RATE_HZ, activities=("walk",))

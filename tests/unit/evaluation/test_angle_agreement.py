@@ -32,7 +32,7 @@ def test_bias_and_limits_are_those_of_known_differences():
     assert knee.correlation > 0.99
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=20)
 @given(st.floats(-0.4, 0.4))
 def test_a_time_shift_is_found_to_a_tenth_of_a_frame(shift_s):
     time_s = np.arange(400) / 60.0

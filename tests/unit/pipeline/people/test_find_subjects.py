@@ -92,7 +92,7 @@ def test_one_person_is_the_one_who_stays_longest_in_the_common_volume(rng):
     )
 
 
-@pytest.mark.parametrize(("people", "bodies"), [("many", "auto"), ("one", "fit")])
+@pytest.mark.parametrize(("people", "bodies"), [("many", "auto"), pytest.param("one", "fit", marks=pytest.mark.long)])
 def test_bodies_of_legs_that_no_edge_connects_have_all_legs(rng, people, bodies):
     text = f"name = 'legs'\nkeypoints = {list(_KEYPOINTS)}\nedges = {_EDGES}\n[tree]\nsize_m = 1.0\n"
     skeleton, rig, points = parse_skeleton(text, "legs.toml"), ring(5), six_legs(180, rng)

@@ -159,7 +159,8 @@ def test_other_files_are_not_overwritten(phones, tmp_path):
     assert sorted(file.name for file in tmp_path.iterdir()) == ["thesis.txt"]
 
 
-@pytest.mark.parametrize("turned_deg", [pytest.param(0.0, marks=pytest.mark.long), 2.0])
+@pytest.mark.long
+@pytest.mark.parametrize("turned_deg", [0.0, 2.0])
 def test_a_given_calibration_is_refined_where_that_helps(tmp_path, turned_deg):
     scene = simulate(SceneOptions(duration_s=6.0, cameras=4, seed=3))
     camera = scene.rig.cameras[1]
