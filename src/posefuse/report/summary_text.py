@@ -9,6 +9,7 @@ from posefuse.model.status import PointStatus
 from posefuse.report.messages import message_html
 from posefuse.report.people import format_event_counts, people_per_frame
 from posefuse.report.summary import Summary, format_sources, layer_origin
+from posefuse.skeleton.subject_words import count_subjects, subject_words
 
 
 def summary_paragraphs(
@@ -27,8 +28,7 @@ def summary_paragraphs(
 
 
 def _describe_input(result: Reconstruction, summary: Summary) -> list[str]:
-    one, several = ("person", "people") if "left_hip" in result.skeleton.keypoints else ("subject", "subjects")
-    people = f"1 {one}" if len(result.person_ids) == 1 else f"{len(result.person_ids)} {several}"
+    people, several = count_subjects(len(result.person_ids), result.skeleton), subject_words(result.skeleton)[1]
     if not result.has_identities:
         people = f"{people_per_frame(result)} (unrelated frames)"
     length = f" ({result.n_frames / result.rate_hz:.1f} s at {result.rate_hz:g} Hz)" if result.rate_hz else ""
