@@ -3,12 +3,24 @@
 >>> import posefuse
 >>> rig = posefuse.read_cameras("calibration.toml")                      # doctest: +SKIP
 >>> detections = posefuse.read_detections("keypoints", "body_25")        # doctest: +SKIP
->>> result = posefuse.reconstruct(rig, detections.with_rate(60))         # doctest: +SKIP
+>>> detections = detections.with_rate(60)      # only if the files state no rate  # doctest: +SKIP
+>>> result = posefuse.reconstruct(rig, detections)                       # doctest: +SKIP
 >>> posefuse.write(result, "person.trc")                                 # doctest: +SKIP
+
+Points with their uncertainty, and angles:
+
+>>> name, layer = result.best_layer()                                    # doctest: +SKIP
+>>> knee = result.skeleton.keypoints.index("right_knee")                 # doctest: +SKIP
+>>> layer.points_m[:, 0, knee], layer.sd_m[:, 0, knee]                   # doctest: +SKIP
+>>> angles = result.joint_angles                                         # doctest: +SKIP
+>>> angles.degrees[:, 0, angles.index("knee_angle_r")]                   # doctest: +SKIP
 
 A recording in a folder takes one call:
 
 >>> outcome = posefuse.reconstruct_recording("recording", "result")      # doctest: +SKIP
+
+Main functions: ``read_cameras``, ``read_detections``, ``reconstruct``, ``write``, ``read_reconstruction``. The result
+is a :class:`Reconstruction`; ``help(posefuse.Reconstruction)`` describes it.
 
 Names are imported when they are first used, so that importing the package does not load the compiler.
 """
@@ -57,6 +69,8 @@ if TYPE_CHECKING:
     from posefuse.model.detections import Detections as Detections
     from posefuse.model.findings import Finding as Finding
     from posefuse.model.frames import Frame as Frame
+    from posefuse.model.joint_angles import AngleStatus as AngleStatus
+    from posefuse.model.joint_angles import JointAngles as JointAngles
     from posefuse.model.noise import NoiseModel as NoiseModel
     from posefuse.model.options.alignment import AlignOptions as AlignOptions
     from posefuse.model.options.association import AssociationOptions as AssociationOptions
@@ -187,6 +201,7 @@ _PUBLIC = {
     "model.detections": ("Detections",),
     "model.findings": ("Finding",),
     "model.frames": ("Frame",),
+    "model.joint_angles": ("AngleStatus", "JointAngles"),
     "model.noise": ("NoiseModel",),
     "model.options.alignment": ("AlignOptions",),
     "model.options.association": ("AssociationOptions", "RptOptions"),

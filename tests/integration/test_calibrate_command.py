@@ -64,7 +64,7 @@ def test_report_is_written_unless_it_is_declined(videos, tmp_path, capsys):
     output.with_suffix(".html").write_text("mine")
     with pytest.raises(SystemExit):
         main(words)
-    assert "calibration.html exists already" in " ".join(capsys.readouterr().err.split())
+    assert "calibration.html already exists" in " ".join(capsys.readouterr().err.split())
     assert not output.exists()
 
 

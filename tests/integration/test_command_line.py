@@ -115,7 +115,7 @@ def test_init_writes_every_option_once(run, tmp_path):
     assert "[triangulation]" in path.read_text()
     code, _, output = run("init", path)
     assert code == 1
-    assert "exists already" in output
+    assert "already exists" in output
 
 
 def test_simulate_and_report(run, tmp_path):

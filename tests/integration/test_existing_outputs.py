@@ -325,7 +325,7 @@ def test_python_names_the_argument(made, tmp_path):
     result = posefuse.read_reconstruction(made.result / "reconstruction.nc")
     posefuse.write(result, tmp_path / "a.trc")
     with pytest.raises(
-        OutputExistsError, match=r"a\.trc exists already; give `overwrite=True` to replace it, or choose"
+        OutputExistsError, match=r"a\.trc already exists; give `overwrite=True` to replace it, or choose"
     ):
         posefuse.write(result, tmp_path / "a.trc")
     posefuse.write(result, tmp_path / "a.trc", overwrite=True)

@@ -167,7 +167,7 @@ def valid_call(w: SimpleNamespace, name: str, member: Any) -> tuple[Callable[...
         "Alignment": w.alignment, "AngleSeries": w.angles, "Camera": w.scene.rig.cameras[0], "CameraRig": w.scene.rig,
         "CameraCovariance": w.covariance,
         "CheckpointFolder": w.checkpoint, "Detections": w.scene.detections, "Finding": None, "Frame": w.frame,
-        "InferredUp": w.inferred, "Layer": w.layer, "NoiseModel": w.people.noise, "PeoplePoints": w.paired,
+        "InferredUp": w.inferred, "JointAngles": w.result.joint_angles, "Layer": w.layer, "NoiseModel": w.people.noise, "PeoplePoints": w.paired,
         "Reconstruction": w.result, "Skeleton": w.scene.detections.skeleton, "StoredPoints": w.points,
         "Synchronization": posefuse.Synchronization(posefuse.SyncOptions(), posefuse.SyncOptions(), ()),
         "Tracker": w.tracker, "Tracks": w.people.tracks,

@@ -29,8 +29,8 @@ def check_new_files(files: Iterable[Path], *, overwrite: bool, target: str = "`o
         return
     first, *others = existing
     if not others:
-        raise exists_error(f"{first} exists already", target)
-    raise exists_error(f"{choices([str(file) for file in existing], _MOST_NAMES)} exist already", target)
+        raise exists_error(f"{first} already exists", target)
+    raise exists_error(f"{choices([str(file) for file in existing], _MOST_NAMES)} already exist", target)
 
 
 def check_new_page(path: Path, *, overwrite: bool) -> None:

@@ -7,7 +7,9 @@ from enum import IntEnum
 
 import numpy as np
 
+from posefuse.arguments import checked
 from posefuse.arrays import ArrayRange, check_shape, same
+from posefuse.described import Described, Description, count
 from posefuse.errors import ResultError
 
 OPENSIM, ISB, KEYPOINTS = "opensim", "isb", "keypoints"
@@ -17,7 +19,15 @@ WITHIN_95 = 1.959964
 
 
 class AngleStatus(IntEnum):
-    """What an angle rests on."""
+    """What an angle rests on.
+
+    Attributes:
+        OK: the points determine the angle.
+        PRIOR: what is known of human movement determines the angle more than the points do.
+        NOT_OBSERVED: no point shows the angle, such as the rotation of a straight limb; no value.
+        NO_VERTICAL: the angle refers to the vertical, which is unknown; no value.
+        ABSENT: the person has too few points in this frame; no value.
+    """
 
     OK = 0
     PRIOR = 1
@@ -41,13 +51,15 @@ ANGLE_STATUSES: dict[AngleStatus, str] = {
 """Statuses with one sentence each."""
 
 
-@dataclass(frozen=True, eq=False)
-class JointAngles:
-    """Joint angles of all people.
+@checked
+@dataclass(frozen=True, eq=False, repr=False)
+class JointAngles(Described):
+    """Joint angles of all people. The page "Joint angles" defines every angle and its sign.
 
     Attributes:
-        names: Names of the angles; unique within a convention.
-        conventions: Convention of each angle: :data:`OPENSIM`, :data:`ISB` or :data:`KEYPOINTS`.
+        names: names of the angles, such as ``knee_angle_r`` (opensim) and ``knee_flexion_r`` (isb), positive in
+            flexion; unique within a convention, so :meth:`index` takes both.
+        conventions: convention of each angle: ``opensim``, ``isb`` or ``keypoints``.
         layer: Layer whose points the angles describe.
         degrees: shape (frame, person, angle), NaN where missing.
         sd_deg: shape (frame, person, angle): standard deviations, NaN where unknown.
@@ -79,6 +91,15 @@ class JointAngles:
                 ResultError, "JointAngles", name, getattr(self, name), frame=frame, person=person, angle=len(self.names)
             )
         check_shape(ResultError, "JointAngles", "pelvis_m", self.pelvis_m, frame=frame, person=person, xyz=3)
+
+    def _description(self) -> Description:
+        frames, people, angles = self.degrees.shape
+        shape = f"{count(angles, 'angle')}, {count(frames, 'frame')}, {count(people, 'subject')}"
+        by_convention: dict[str, list[str]] = {}
+        for name, convention in zip(self.names, self.conventions, strict=True):
+            by_convention.setdefault(convention, []).append(name)
+        rows = tuple((convention, ", ".join(names)) for convention, names in by_convention.items())
+        return Description(f"JointAngles: {shape}, from the layer {self.layer}", rows)
 
     @property
     def n_frames(self) -> int:

@@ -88,7 +88,7 @@ class Layer(Described):
 
     @property
     def sd_m(self) -> np.ndarray:
-        """Standard deviations along the axes, shape (frame, person, keypoint, 3)."""
+        """Standard deviations along x, y and z of the world, shape (frame, person, keypoint, 3)."""
         return np.sqrt(np.asarray(self.covariance_m2[:])[..., _DIAGONAL])
 
     @property
@@ -167,8 +167,8 @@ class Reconstruction(Described, InPython):
         person_ids: names of people, in the order of every person axis.
         frame_numbers: shape (frame,), int64: numbers of the frames in the recording.
         time_s: shape (frame,): mean time over the views that recorded the frame; NaN if unknown.
-        layers: name -> layer; see :data:`LAYERS`. Access to a layer that does not exist raises a LayerError, which is
-            also a KeyError and states how to get the layer.
+        layers: ``measured``, ``solved`` and ``model`` -> layer, as far as they exist. Access to one that does not exist
+            raises a LayerError, which is also a KeyError and states how to get the layer.
         tracks: detection of each person in each view, or None for a result that was not made from detections.
         noise: noise model of the detections, or None for a result that was not made from detections.
         swaps: left/right swaps by view, or None if left/right labels were accepted as given.
@@ -182,7 +182,7 @@ class Reconstruction(Described, InPython):
         findings: problems found by the recording check, most serious first.
         provenance: origin of the result.
         layer_scores: how well each layer predicts left-out views; empty if the layers were not compared.
-        joint_angles: joint angles, or None if they were not computed.
+        joint_angles: angles in degrees; None with one camera, unrelated frames, or a skeleton without limbs.
 
     Raises:
         ResultError: if the parts do not match.

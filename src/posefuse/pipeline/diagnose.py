@@ -49,7 +49,7 @@ def inspect_health(
     inputs: RecordingInputs | None = None,
     progress: Progress | None = None,
 ) -> tuple[Finding, ...]:
-    """Find the problems of a recording from its own detections, see docs/health.md.
+    """Find the problems of a recording from its own detections; the page "Diagnostics" explains them.
 
     Args:
         rig: calibrated cameras, or the folder of a recording.

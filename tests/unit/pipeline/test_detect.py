@@ -218,7 +218,7 @@ def test_a_finished_run_is_not_repeated(tmp_path, small_chunks):
     first = detect_videos(tmp_path, tmp_path / "out", given=Given(find_bars, BAR))
     again = detect_videos(tmp_path, tmp_path / "out", given=Given(find_bars, BAR))
     assert (first.n_images, again.n_images, again.views) == (20, 0, first.views)
-    with pytest.raises(OutputExistsError, match="keypoints.parquet exists already, of other videos, options"):
+    with pytest.raises(OutputExistsError, match="keypoints.parquet already exists, of other videos, options"):
         detect_videos(tmp_path, tmp_path / "out", DetectOptions(every=2), Given(find_bars, BAR))
     other = detect_videos(tmp_path, tmp_path / "out", DetectOptions(every=2), Given(find_bars, BAR), overwrite=True)
     assert other.n_images == 10

@@ -126,7 +126,7 @@ class OutputFolder:
             OutputExistsError: if there are some, and ``overwrite`` is False.
         """
         if not overwrite and self.keypoints.is_file() and read_description(self.folder).get("key") != self.key:
-            raise exists_error(f"{self.keypoints} exists already, of other videos, options or versions")
+            raise exists_error(f"{self.keypoints} already exists, of other videos, options or versions")
 
     def finish(self, inputs: Mapping[str, Any], views: tuple[DetectedView, ...]) -> None:
         """Write the description, which marks the detections as complete.

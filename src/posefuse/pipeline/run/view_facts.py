@@ -86,7 +86,9 @@ def check_sizes(views: Sequence[ViewFacts], rig: CameraRig, notes: list[str], pr
             continue
         sizes = f"{size[0]} x {size[1]} px, but camera {name!r} was calibrated at {stated[0]} x {stated[1]} px"
         if _is_near(size, stated):
-            notes.append(f"The images of {view.name!r} have {sizes}. They count as cropped at the right and bottom.")
+            edges = [edge for i, edge in enumerate(("right", "bottom")) if size[i] != stated[i]]
+            where = " and ".join(edges)
+            notes.append(f"The images of {view.name!r} have {sizes}. They count as cropped at the {where}.")
         elif _is_near(size, stated[::-1]):
             problems.append(
                 f"The images of {view.name!r} have {sizes}: they are rotated by a quarter turn. Rotate the video, or "
