@@ -80,6 +80,10 @@ def world(tmp_path_factory) -> SimpleNamespace:
         alignment=posefuse.Alignment(np.eye(3), np.zeros(3)),
         angles=posefuse.AngleSeries("walk", np.arange(4.0), ("knee_angle_r",), np.zeros((4, 1))),
         covariance=posefuse.CameraCovariance("cam_0", ("fx",), np.eye(1)),
+        joint_angles=posefuse.JointAngles(
+            ("knee_angle_r",), ("opensim",), "solved", *np.zeros((2, 4, 1, 1)), np.zeros((4, 1, 1), np.int8),
+            np.zeros((4, 1, 3)),
+        ),
     )  # fmt: skip
 
 
@@ -167,7 +171,8 @@ def valid_call(w: SimpleNamespace, name: str, member: Any) -> tuple[Callable[...
         "Alignment": w.alignment, "AngleSeries": w.angles, "Camera": w.scene.rig.cameras[0], "CameraRig": w.scene.rig,
         "CameraCovariance": w.covariance,
         "CheckpointFolder": w.checkpoint, "Detections": w.scene.detections, "Finding": None, "Frame": w.frame,
-        "InferredUp": w.inferred, "JointAngles": w.result.joint_angles, "Layer": w.layer, "NoiseModel": w.people.noise, "PeoplePoints": w.paired,
+        "InferredUp": w.inferred, "JointAngles": w.joint_angles, "Layer": w.layer,
+        "NoiseModel": w.people.noise, "PeoplePoints": w.paired,
         "Reconstruction": w.result, "Skeleton": w.scene.detections.skeleton, "StoredPoints": w.points,
         "Synchronization": posefuse.Synchronization(posefuse.SyncOptions(), posefuse.SyncOptions(), ()),
         "Tracker": w.tracker, "Tracks": w.people.tracks,
