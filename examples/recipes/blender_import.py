@@ -30,9 +30,11 @@ def main() -> None:
     folder, target = map(Path, arguments)
     bpy.ops.wm.read_factory_settings(use_empty=True)
     import_people(folder)
+    scene = bpy.context.scene
     for armature in (each for each in bpy.data.objects if each.type == "ARMATURE"):
         first, last = armature.animation_data.action.frame_range
-        bpy.context.scene.frame_set(round(first))
+        scene.frame_start, scene.frame_end = round(first), round(last)
+        scene.frame_set(round(first))
         heads = [armature.matrix_world @ bone.head for bone in armature.pose.bones]
         height = max(head.z for head in heads) - min(head.z for head in heads)
         print(f"{armature.name}: {len(heads)} bones, frames {first:g} to {last:g}, {height:.2f} m high")
