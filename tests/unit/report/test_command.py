@@ -30,3 +30,8 @@ def test_options_in_the_command_are_those_of_the_result(options):
 
 def test_defaults_need_no_options():
     assert repeating_command(Options()) == "posefuse reconstruct RECORDING --output OUTPUT"
+
+
+def test_own_skeletons_are_named_by_file():
+    assert 'skeleton = "mouse_15.toml"' in repeating_command(Options(skeleton="mouse_15"))
+    assert 'skeleton = "halpe_26"' in repeating_command(Options(skeleton="halpe_26"))
