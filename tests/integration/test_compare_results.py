@@ -76,6 +76,8 @@ def test_angles_are_compared_with_a_reference_and_drawn(run, results, tmp_path):
     assert numbers["time_shift_s"] == pytest.approx(-0.1, abs=0.003)
     assert {file.name for file in tmp_path.iterdir()} >= {"angles_reference.png", "angles_reference.svg"}
     assert run("evaluate", results / "midpoint", reference, "--json", target)[0] == 1
+    # A wrong name is reported before the existing output.
+    assert "No reference at" in " ".join(run("evaluate", results / "midpoint", tmp_path / "refer.mot")[2].split())
 
 
 def test_the_person_that_agrees_best_is_compared(results, tmp_path):

@@ -31,6 +31,7 @@ def test_descriptions_are_short(scene, result):
     things = (
         result,
         result.layers["solved"],
+        result.joint_angles,
         scene.rig,
         scene.detections,
         result.skeleton,
@@ -45,6 +46,8 @@ def test_descriptions_are_short(scene, result):
         assert re.sub(r"<[^>]*>", "", html).startswith(lines[0].split(":")[0].split(" ")[0])
     assert "2 subjects" not in repr(result)
     assert "solved (default)" in repr(result)
+    assert f"{len(result.provenance.notes)} in provenance.notes" in repr(result)
+    assert repr(result.joint_angles).startswith(f"JointAngles: {len(result.joint_angles.names)} angles")
     assert repr(result).splitlines()[0].endswith("26 keypoints, 5 cameras")
 
 

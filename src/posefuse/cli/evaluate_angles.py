@@ -19,6 +19,7 @@ def evaluate_angles(
     result: Path, references: Sequence[Path], max_time_shift_s: float, json_file: Path | None, *, overwrite: bool
 ) -> None:
     """Compare joint angles with references; write the numbers as JSON and one Bland-Altman figure per reference."""
+    from posefuse.io.files import must_exist
     from posefuse.io.motion_tables import is_motion_table
     from posefuse.io.outputs import check_new_files, replacing_together
     from posefuse.io.results.open_result import result_file
@@ -31,6 +32,8 @@ def evaluate_angles(
             f"{choices(points)}: joint angles (.mot, .sto) and points cannot be compared in one call. Call "
             "posefuse evaluate once for each."
         )
+    for file in references:
+        must_exist(file, "reference")
     target = json_file or result_file(result).parent / "evaluation_angles.json"
     stems = [file.stem for file in references]
     if len(set(stems)) < len(stems):

@@ -77,9 +77,9 @@ class Layer(Described):
         size = f"{count(frame, 'frame')}, {count(person, 'subject')}, {count(keypoint, 'keypoint')}"
         rows: list[tuple[str, str]] = [("views", str(self.view_status.shape[-1]))]
         if in_memory(self.points_m) and self.has_point.size:
-            sds = self.sd_m[self.has_point]
+            sds = np.sqrt(np.square(self.sd_m[self.has_point]).mean(axis=-1))
             rows += [("with points", f"{100.0 * self.has_point.mean():.1f} %")]
-            rows += [("median sd", format_length(float(np.nanmedian(sds))))] if len(sds) else []
+            rows += [("median sd", f"{format_length(float(np.nanmedian(sds)))} per axis")] if len(sds) else []
         return Description(f"Layer: {size}", tuple(rows))
 
     def frames(self, start: int, stop: int) -> "Layer":
@@ -254,6 +254,8 @@ class Reconstruction(Described, InPython):
             angles = self.joint_angles
             rows.append(("angles", f"{len(angles.names)} ({', '.join(dict.fromkeys(angles.conventions))})"))
         rows.append(("findings", names([finding.kind for finding in self.findings]) or "none"))
+        if self.provenance.notes:
+            rows.append(("notes", f"{len(self.provenance.notes)} in provenance.notes"))
         return Description(title, tuple(rows))
 
     @property
