@@ -82,8 +82,7 @@ def test_a_worker_file_is_a_detector(tmp_path):
 
 def test_the_interpreter_may_be_the_folder_of_its_environment(tmp_path):
     path = worker_file(tmp_path, BRIGHTNESS)
-    (tmp_path / "lab" / "bin").mkdir(parents=True)
-    (tmp_path / "lab" / "bin" / "python").symlink_to(sys.executable)
+    (tmp_path / "lab").symlink_to(sys.prefix, target_is_directory=True)
     open_detector(path, python=tmp_path / "lab").close()
     with pytest.raises(DetectorError, match="no Python interpreter .*empty"):
         open_detector(path, python=tmp_path / "empty")
