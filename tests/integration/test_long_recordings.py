@@ -37,9 +37,10 @@ def write(folder: Path, seconds: float, rate_hz: float = 25.0, seed: int = 0) ->
     return folder
 
 
-def start(recording: Path, output: Path, chunk: int) -> subprocess.Popen[str]:
+def start(recording: Path, output: Path, chunk: int, jobs: int = 1) -> subprocess.Popen[str]:
     """The command in a process of its own."""
     command = ["-m", "posefuse", "reconstruct", str(recording), "-o", str(output), "--chunk-frames", str(chunk)]
+    command += ["--jobs", str(jobs)]
     return subprocess.Popen(
         [sys.executable, *command],
         stdout=subprocess.PIPE,
@@ -78,6 +79,14 @@ def uninterrupted(two_people, tmp_path_factory) -> Path:
     text = process.communicate(timeout=1800)[0]
     assert process.returncode == 0, text
     return output
+
+
+@pytest.mark.parametrize("jobs", [2, pytest.param(3, marks=pytest.mark.long)])
+def test_the_number_of_processes_does_not_change_a_byte(two_people, uninterrupted, tmp_path, jobs):
+    process = start(two_people, tmp_path / "out", 20, jobs)
+    text = process.communicate(timeout=1800)[0]
+    assert process.returncode == 0, text
+    assert contents(tmp_path / "out") == contents(uninterrupted)
 
 
 def test_interruption_leaves_a_partial_result_and_the_parts(run, recording, tmp_path, monkeypatch):

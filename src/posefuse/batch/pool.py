@@ -2,7 +2,6 @@
 
 import contextlib
 import multiprocessing
-import os
 import signal
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -12,15 +11,10 @@ from multiprocessing.context import SpawnProcess
 from typing import Any
 
 from posefuse.model.batch import Job, JobResult
+from posefuse.parallel import one_thread_each
 
 Work = Callable[[Job], JobResult]
 _TRIES = 2
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-
-
-def processors() -> int:
-    """Return the number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @dataclass
@@ -69,23 +63,11 @@ def in_processes(work: Work, jobs: Sequence[Job], n: int) -> Iterator[JobResult]
 def _start(work: Work) -> _Worker:
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
-    with _one_thread_each():
+    with one_thread_each():
         process = context.Process(target=_serve, args=(theirs, work), daemon=True)
         process.start()
     theirs.close()
     return _Worker(process, ours)
-
-
-@contextlib.contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Limit numerical libraries of processes started within to one thread, unless the user sets another number."""
-    ours = [name for name in _THREADS if name not in os.environ]
-    os.environ.update(dict.fromkeys(ours, "1"))
-    try:
-        yield
-    finally:
-        for name in ours:
-            del os.environ[name]
 
 
 def _give(worker: _Worker, job: Job, work: Work) -> _Worker:

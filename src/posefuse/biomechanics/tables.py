@@ -1,6 +1,7 @@
 """Tables derived from a result's points: angles between keypoints, centers of mass and segment lengths."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
 
 import numpy as np
 
@@ -59,8 +60,8 @@ def _of_root(tree: Tree, names: Iterable[str]) -> list[bool]:
     return [bool(tree.segments) and name.startswith(f"{tree.segments[0]}.") for name in names]
 
 
-def body_tables(result: Reconstruction) -> dict[str, Iterator[Columns]]:
-    """Return the tables written beside a result, by file name.
+def body_tables(result: Reconstruction) -> dict[str, Callable[[Reconstruction], Iterable[Columns]]]:
+    """Return functions that compute the tables written beside a result, by file name.
 
     These are segment lengths, unless frames are unrelated, centers of mass of human bodies, and segment masses if the
     mass of the subject is known.
@@ -74,21 +75,21 @@ def body_tables(result: Reconstruction) -> dict[str, Iterator[Columns]]:
     if result.unit != "m":
         return {}
     layer, _ = result.best_layer(result.options.layer)
-    tables: dict[str, Iterator[Columns]] = {}
+    tables: dict[str, Callable[[Reconstruction], Iterable[Columns]]] = {}
     if result.skeleton.edges and result.has_identities:
-        tables[LENGTHS_FILE] = iter([_length_columns(result, layer)])
+        tables[LENGTHS_FILE] = partial(_length_columns, layer)
     masses = masses_of(result)
     if masses is not None:
-        tables[CENTERS_FILE] = _center_columns(result, masses)
+        tables[CENTERS_FILE] = partial(_center_columns, masses)
         if result.options.subject.mass_kg is not None:
-            tables[MASSES_FILE] = iter([_mass_columns(masses, result.options.subject.mass_kg)])
+            tables[MASSES_FILE] = partial(_mass_columns, masses)
     return tables
 
 
-def _length_columns(result: Reconstruction, layer: LayerName) -> Columns:
-    """Return the columns of the table of segment lengths."""
+def _length_columns(layer: LayerName, result: Reconstruction) -> Iterator[Columns]:
+    """Yield the columns of the table of segment lengths."""
     rows = segment_lengths(result.chunks(), layer)
-    return {
+    yield {
         "person": np.array([row.person for row in rows], dtype=object),
         "near": np.array([row.near for row in rows], dtype=object),
         "far": np.array([row.far for row in rows], dtype=object),
@@ -99,7 +100,7 @@ def _length_columns(result: Reconstruction, layer: LayerName) -> Columns:
     }
 
 
-def _center_columns(result: Reconstruction, masses: Masses) -> Iterator[Columns]:
+def _center_columns(masses: Masses, result: Reconstruction) -> Iterator[Columns]:
     """Yield the columns of the table of centers of mass, one range of frames at a time."""
     people, start, mass_kg = len(result.person_ids), 0, result.options.subject.mass_kg
     for part in centers_of_mass(result, masses):
@@ -132,11 +133,13 @@ def _motion_columns(part: CentersOfMass) -> Columns:
     }
 
 
-def _mass_columns(masses: Masses, mass_kg: float) -> Columns:
-    """Return the columns of the table of segment masses."""
+def _mass_columns(masses: Masses, result: Reconstruction) -> Iterator[Columns]:
+    """Yield the columns of the table of segment masses."""
+    mass_kg = result.options.subject.mass_kg
+    assert mass_kg is not None
     shares = np.array([segment.mass for segment in masses.segments])
     shares = shares / shares.sum()
-    return {
+    yield {
         "segment": np.array([segment.name for segment in masses.segments], dtype=object),
         "share": shares,
         "mass_kg": mass_kg * shares,

@@ -137,8 +137,9 @@ def _run(
     todo: Sequence[Job], uncalibrated: Sequence[JobResult], jobs: int | None, scheduler: str | None
 ) -> Iterator[JobResult]:
     from posefuse.batch.cluster import on_cluster
-    from posefuse.batch.pool import in_processes, processors
+    from posefuse.batch.pool import in_processes
     from posefuse.batch.work import run_divided_job, run_job, run_job_unless_long
+    from posefuse.parallel import logical_cores
 
     failed = [each.name for each in uncalibrated]
     ready = [job for job in todo if job.name not in failed]
@@ -149,7 +150,7 @@ def _run(
                 "the number of jobs. Remove --jobs."
             )
         return chain(uncalibrated, on_cluster(run_job_unless_long, ready, scheduler, run_divided_job))
-    return chain(uncalibrated, in_processes(run_job, ready, jobs or processors()))
+    return chain(uncalibrated, in_processes(run_job, ready, jobs or logical_cores()))
 
 
 def _write(results: Sequence[JobResult], output: Path) -> None:

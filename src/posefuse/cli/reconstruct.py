@@ -14,6 +14,7 @@ from posefuse.cli.types import (
     BoardSpec,
     EditsPath,
     InputFlags,
+    JobsFlag,
     OptionFlags,
     Output,
     Overwrite,
@@ -69,6 +70,7 @@ def reconstruct(
     inputs: Annotated[ReconstructionInputs, Parameter(name="*")] = ReconstructionInputs(),
     shortcuts: Annotated[Shortcuts, Parameter(name="*")] = Shortcuts(),
     outputs: Annotated[Outputs, Parameter(name="*")] = Outputs(),
+    jobs: JobsFlag = "auto",
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
     """Reconstruct people in 3D from a recording's calibration and 2D keypoints.
@@ -95,6 +97,7 @@ def reconstruct(
         also=outputs.also,
         overwrite=outputs.overwrite,
         progress=Bars(),
+        jobs=jobs,
     )
     if outcome.kept:
         note(f"{output} already contains the result of these inputs and options; nothing was done.")

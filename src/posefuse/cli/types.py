@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Group, Parameter
 
@@ -32,6 +32,9 @@ Also = Annotated[
 ]
 PointsUnit = Annotated[
     LengthUnit | None, Parameter(help="Length unit of files of 3D points that do not state it: m, cm or mm.")
+]
+JobsFlag = Annotated[
+    int | Literal["auto"], Parameter(help="Number of processes; auto uses the physical cores where it pays.")
 ]
 Overwrite = Annotated[bool, Parameter(negative="", help="Replace an earlier output.")]
 SyncPath = Annotated[Path | None, Parameter(help="TOML file of time offsets that posefuse sync wrote.")]

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from posefuse.detection.environments import environment_of
 from posefuse.detection.registry import detectors
+from posefuse.parallel import logical_cores
 
 _CORE = ("numpy", "scipy", "numba", "llvmlite", "h5py")
 _REQUIREMENT = re.compile(r"""^([A-Za-z0-9._-]+).*;.*extra == ['"]([a-z]+)['"]""")
@@ -87,7 +88,7 @@ def examine_installation() -> Installation:
     return Installation(
         versions,
         f"{platform.platform()}, {platform.machine()}",
-        _cores(),
+        logical_cores(),
         _memory_gb(),
         "nvidia-smi" if shutil.which("nvidia-smi") else "",
         str(cache),
@@ -102,11 +103,6 @@ def kernel_cache() -> Path:
     """Return the folder of compiled kernels: ``NUMBA_CACHE_DIR``, or beside the code."""
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     return Path(chosen) if chosen else Path(__file__).parents[1]
-
-
-def _cores() -> int:
-    affinity = getattr(os, "sched_getaffinity", None)
-    return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
 
 
 def _memory_gb() -> float | None:

@@ -1,5 +1,6 @@
 """Diagnose a recording: the recording check, and the time offsets of views."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,6 +8,7 @@ from posefuse.arguments import checked
 from posefuse.diagnostics import recording_check
 from posefuse.diagnostics.examine import DEEP, SHORT, examine
 from posefuse.diagnostics.findings import rank_findings
+from posefuse.diagnostics.observations import TrackedObservations
 from posefuse.diagnostics.recording_check import collect_observations
 from posefuse.diagnostics.registry import list_findings
 from posefuse.diagnostics.time_offsets import ViewTiming
@@ -18,6 +20,7 @@ from posefuse.model.findings import Finding
 from posefuse.model.options.options import Options
 from posefuse.model.options.sync import SyncOptions
 from posefuse.model.subjects import Subjects
+from posefuse.parallel import ONE_JOB, Jobs
 from posefuse.pipeline.defaults import RecordingFacts, cut_time, resolve_people
 from posefuse.pipeline.people.find_subjects import find_subjects
 from posefuse.pipeline.people.stills import STILLS
@@ -27,17 +30,29 @@ from posefuse.preprocess.time_offsets import shift_views
 from posefuse.progress import Progress, Silent
 
 
-def check_recording(plan: Plan) -> Plan:
-    """Return the plan with the findings of a short recording check in addition to its own.
+def check_recording(plan: Plan, jobs: Jobs = ONE_JOB) -> Callable[[], tuple[Finding, ...]]:
+    """Begin a short recording check, and return the function that waits for the findings of the plan and the check.
 
     One camera and unrelated frames cannot be checked, and ``health = "off"`` disables the check.
+
+    Args:
+        plan: plan of the reconstruction.
+        jobs: processes, of which one checks.
     """
     if len(plan.rig) == 1 or plan.options.health == "off" or plan.options.people == STILLS:
-        return plan
-    found = recording_check.find_faults(plan.rig, plan.detections, plan.subjects, SHORT)
-    known = {finding.kind for finding in plan.findings}
-    others = [finding for finding in found if finding.kind not in known]
-    return replace(plan, findings=rank_findings([*plan.findings, *others]))
+        return lambda: plan.findings
+    observations = recording_check.collect_observations(plan.rig, plan.detections, plan.subjects)
+    check = jobs.begin(_find_faults, observations)
+
+    def wait() -> tuple[Finding, ...]:
+        known = {finding.kind for finding in plan.findings}
+        return rank_findings([*plan.findings, *(finding for finding in check() if finding.kind not in known)])
+
+    return wait
+
+
+def _find_faults(observations: TrackedObservations) -> tuple[Finding, ...]:
+    return list_findings(examine(observations, SHORT))
 
 
 @checked

@@ -27,8 +27,8 @@ from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.result_ranges import FrameRange
-from posefuse.model.subjects import FixedSubjects, Subjects
-from posefuse.pipeline.measured_layer import context_frames, measure
+from posefuse.model.subjects import Subjects
+from posefuse.pipeline.measured_layer import Piece, measure_range, piece_of
 from posefuse.pipeline.people.find_subjects import find_subjects
 from posefuse.pipeline.people.keypoint_deviations import with_deviations
 from posefuse.pipeline.people.stitching import StitchedPeople, stitch
@@ -139,7 +139,7 @@ def reconstruct_distributed(plan: Plan, runner: PieceRunner, progress: Progress)
     """
     n_frames, head = plan.detections.n_frames, _empty_result(plan)
     spans = list(ranges(n_frames, CHUNK_FRAMES))
-    done = runner.run(measure_piece, "measured", (partial(_restricted, plan, *span) for span in spans))
+    done = runner.run(measure_piece, "measured", (partial(piece_of, plan, *span) for span in spans))
     parts = (
         _with_people_bodies(plan, runner.folder.load(name).to_reconstruction(head), span[0])
         for name, span in zip(done, spans, strict=True)
@@ -165,7 +165,8 @@ def track_piece(path: Path) -> None:
 def measure_piece(path: Path) -> None:
     """Measure a range of frames."""
     folder, piece = _read(path)
-    folder.save(path.stem, FrameRange.of(measure(*piece)))
+    assert isinstance(piece, Piece)
+    folder.save(path.stem, measure_range(piece))
 
 
 def solve_piece(path: Path) -> None:
@@ -213,18 +214,6 @@ class _LoadedBodies:
         if self._last is None or self._last[0] != window:
             self._last = window, self._folder.load(self._names[window])[1]
         return self._last[1]
-
-
-def _restricted(plan: Plan, start: int, stop: int) -> tuple[Plan, int, int]:
-    """Return a plan that holds a range of frames and its context only, and the range's indices in it."""
-    context = context_frames(plan)
-    first, last = max(start - context, 0), min(stop + context, plan.detections.n_frames)
-    subjects = FixedSubjects(plan.subjects.tracks(first, last))
-    part = replace(
-        plan, detections=plan.detections.frames(first, last), subjects=subjects, bodies=None, solver=None,
-        alignment=None, agreement=None, sample_m=None,
-    )  # fmt: skip
-    return part, start - first, stop - first
 
 
 def _empty_result(plan: Plan) -> Reconstruction:

@@ -1,6 +1,6 @@
 """Analyze contact, gait and repetitions of all people of a result. The recipe of every caller."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,13 +60,13 @@ class GaitResult:
             for time, person, kind, why in sorted(found, key=lambda row: row[:3])
         )
 
-    def tables(self) -> dict[str, Iterator[Mapping[str, np.ndarray]]]:
-        """Return the tables of parameters and of cycles by file name; those without rows are left out."""
-        tables: dict[str, Iterator[Mapping[str, np.ndarray]]] = {}
+    def tables(self) -> dict[str, Mapping[str, np.ndarray]]:
+        """Return the columns of the tables of parameters and of cycles by file name; without rows, none."""
+        tables: dict[str, Mapping[str, np.ndarray]] = {}
         if any(gait.parameters for gait in self.people.values()):
-            tables[GAIT_FILE] = iter([self._parameter_columns()])
+            tables[GAIT_FILE] = self._parameter_columns()
         if any(gait.cycles for gait in self.people.values()):
-            tables[CYCLES_FILE] = iter([self._cycle_columns()])
+            tables[CYCLES_FILE] = self._cycle_columns()
         return tables
 
     def summary(self) -> tuple[str, ...]:

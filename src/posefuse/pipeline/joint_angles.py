@@ -12,7 +12,8 @@ from posefuse.biomechanics.marker_model import MarkerModel, marker_model
 from posefuse.biomechanics.subject_fit import SubjectFit, systematic_covariance
 from posefuse.biomechanics.tables import keypoint_angles
 from posefuse.model.joint_angles import KEYPOINTS, AngleStatus, JointAngles
-from posefuse.model.reconstruction import Layer, Reconstruction
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.parallel import ONE_JOB, Jobs
 from posefuse.pipeline.subjects import Subjects, fit_subjects, frame_rate
 
 _WINDOW = 512
@@ -21,17 +22,21 @@ _KNOT_S = 0.1
 """Interval at which the uncertainty due to a person's parameters is computed."""
 
 
-def with_joint_angles(result: Reconstruction) -> Reconstruction:
+def with_joint_angles(result: Reconstruction, jobs: Jobs = ONE_JOB) -> Reconstruction:
     """Return a result in memory with its joint angles, if its skeleton has any."""
-    parts = list(joint_angles(result))
+    parts = list(joint_angles(result, jobs))
     return replace(result, joint_angles=JointAngles.concatenate(parts)) if parts else result
 
 
-def joint_angles(result: Reconstruction) -> Iterator[JointAngles]:
+def joint_angles(result: Reconstruction, jobs: Jobs = ONE_JOB) -> Iterator[JointAngles]:
     """Yield the joint angles of consecutive ranges of frames; nothing without angles.
 
     A human skeleton has the coordinates of the anatomical model and ISB angles. Other skeletons, hands and faces have
     angles between segments and bones. Unrelated frames have none, because a person is estimated from several frames.
+
+    Args:
+        result: the result.
+        jobs: processes that estimate the angles.
 
     Raises:
         OptionsError: if the static trial cannot be used.
@@ -40,14 +45,41 @@ def joint_angles(result: Reconstruction) -> Iterator[JointAngles]:
         return
     model = marker_model(result.skeleton)
     people = None if model is None else _People.of(result, model)
-    for start, stop in ranges(result.n_frames, _WINDOW):
+    windows = (_Window.of(result, people, *span) for span in ranges(result.n_frames, _WINDOW))
+    yield from (angles for angles in jobs.in_order(_angles_of_window, windows) if angles.names)
+
+
+@dataclass(frozen=True, eq=False)
+class _Window:
+    """A range of frames of which angles are estimated.
+
+    Attributes:
+        part: the frames with what angles between keypoints are computed from.
+        people: the people of the result; None without an anatomical model.
+        points_m: shape (frame, person, keypoint, 3): the layer of the people.
+        covariance_m2: shape (frame, person, keypoint, 6).
+    """
+
+    part: Reconstruction
+    people: "_People | None"
+    points_m: np.ndarray
+    covariance_m2: np.ndarray
+
+    @classmethod
+    def of(cls, result: Reconstruction, people: "_People | None", start: int, stop: int) -> "_Window":
+        """Read a range of frames."""
         part = _only_points(result, start, stop)
-        found = keypoint_angles(part, parts_only=people is not None)
-        generic = _generic(part, *found)
-        if people is not None:
-            yield _joined(people.window(start, stop), generic)
-        elif generic.names:
-            yield generic
+        if people is None:
+            return cls(part, None, np.empty(0), np.empty(0))
+        layer = result.layers[people.layer_name]
+        return cls(part, people, np.asarray(layer.points_m[start:stop]), np.asarray(layer.covariance_m2[start:stop]))
+
+
+def _angles_of_window(window: _Window) -> JointAngles:
+    """Return the angles of a range of frames; without names, if the skeleton has none."""
+    people = window.people
+    generic = _generic(window.part, *keypoint_angles(window.part, parts_only=people is not None))
+    return generic if people is None else _joined(people.window(window.points_m, window.covariance_m2), generic)
 
 
 def _only_points(result: Reconstruction, start: int, stop: int) -> Reconstruction:
@@ -64,7 +96,6 @@ class _People:
     Attributes:
         angles: the angles to compute.
         layer_name: name of the layer.
-        layer: its points.
         subjects: the people.
         has_vertical: whether the vertical of the world is known.
         knot_step: frames between computations of the uncertainty due to a person's parameters.
@@ -72,7 +103,6 @@ class _People:
 
     angles: AngleSet
     layer_name: str
-    layer: Layer
     subjects: Subjects
     has_vertical: bool
     knot_step: int
@@ -84,14 +114,10 @@ class _People:
         subjects = fit_subjects(result, model, layer)
         step = max(1, round(_KNOT_S * frame_rate(result)))
         has_vertical = result.rig.up is not None
-        return cls(angle_set(model), name, layer, subjects, has_vertical, step)
+        return cls(angle_set(model), name, subjects, has_vertical, step)
 
-    def window(self, start: int, stop: int) -> JointAngles:
-        """Return the angles of a range of frames."""
-        points, covariance = (
-            np.asarray(self.layer.points_m[start:stop]),
-            np.asarray(self.layer.covariance_m2[start:stop]),
-        )
+    def window(self, points: np.ndarray, covariance: np.ndarray) -> JointAngles:
+        """Return the angles of a range of frames from points in m and their covariances."""
         each = [self._person(p, points[:, p], covariance[:, p]) for p in range(len(self.subjects.fits))]
         degrees, sds, status, pelvis = (np.stack(arrays, axis=1) for arrays in zip(*each, strict=True))
         return JointAngles(

@@ -5,6 +5,7 @@ projected into the view. The assignment of detections to people, the noise, the 
 lengths of bodies are those of the whole recording. The same points show how far keypoints deviate from the bodies.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,12 +13,12 @@ import numpy as np
 from posefuse.association.one_subject import SingleSubject
 from posefuse.errors import PosefuseError
 from posefuse.model.cameras import CameraRig
-from posefuse.model.detections import Detections
 from posefuse.model.layer_scores import LayerScore, describe_scores
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import LAYERS, Reconstruction
 from posefuse.model.subjects import FixedSubjects
 from posefuse.model.tracks import Tracks, TrackState
+from posefuse.parallel import ONE_JOB, Jobs
 from posefuse.pipeline.measured_layer import measure
 from posefuse.pipeline.people.deviation_choice import (
     LeftOutSample,
@@ -69,11 +70,15 @@ class Span:
     last: int
 
 
-def with_layer_scores(plan: Plan) -> Plan:
+def with_layer_scores(plan: Plan, jobs: Jobs = ONE_JOB) -> Plan:
     """Return the plan with scores of the layers of its result, deviations of keypoints from bodies, and notes of both.
 
     With one layer, no people or unrelated frames there is nothing to compare, and the plan is returned unchanged. With
     two views it has a note instead of scores.
+
+    Args:
+        plan: plan of the reconstruction.
+        jobs: processes that leave out views.
     """
     bodies = Bodies.of(plan.bodies or plan.subjects, plan.options)
     people = plan.subjects.tracks(0, 0).person_ids
@@ -81,7 +86,7 @@ def with_layer_scores(plan: Plan) -> Plan:
         return plan
     if len(plan.rig) < _MIN_VIEWS:
         return replace(plan, provenance=plan.provenance.with_notes([_TWO_VIEWS]))
-    errors, samples = _errors_px(plan, bodies)
+    errors, samples = _errors_px(plan, bodies, jobs)
     notes, deviation_sd_m = [], None
     if bodies is not None:
         errors["model"], deviation_sd_m = _with_deviations(bodies, samples)
@@ -140,38 +145,78 @@ def _left_out(n_views: int) -> list[int]:
     return [int((i + 0.5) * n_views / number) for i in range(number)]
 
 
-def _errors_px(plan: Plan, bodies: Bodies | None) -> tuple[dict[LayerName, np.ndarray], list[LeftOutSample]]:
+@dataclass(frozen=True, eq=False)
+class _LeftOut:
+    """A range of frames in which a view is left out.
+
+    Attributes:
+        plan: plan of the range and its margin, with all views.
+        solver: computes the solved layer of the same frames, or None.
+        bodies: bodies to fit, or None.
+        inside: frames of the range.
+        view: the view.
+    """
+
+    plan: Plan
+    solver: LayerSolver | None
+    bodies: Bodies | None
+    inside: slice
+    view: int
+
+
+def _errors_px(
+    plan: Plan, bodies: Bodies | None, jobs: Jobs
+) -> tuple[dict[LayerName, np.ndarray], list[LeftOutSample]]:
     """Predict the detections of left-out views.
 
     Returns:
         Prediction errors by layer, shape (sample, person, keypoint), NaN without detection or point, and, if there are
         bodies, the points that predict them.
     """
-    left_out = _left_out(len(plan.rig))
     found: dict[LayerName, list[np.ndarray]] = {}
     samples: list[LeftOutSample] = []
-    for span in sample_spans(plan, len(left_out)):
-        whole = plan.detections.frames(span.first, span.last)
-        tracks = plan.subjects.tracks(span.first, span.last)
-        for view in left_out:
-            pixels = _pixels(whole, tracks, view)
-            points, covariance = _points_without(plan, bodies, span, whole, tracks, view)
-            inside = slice(span.start - span.first, span.stop - span.first)
-            for name, each in points.items():
-                predicted = plan.rig.cameras[view].project(each[inside])[0]
-                error = np.linalg.norm(predicted - pixels[inside], axis=-1)
-                found.setdefault(name, []).append(error)
-            if bodies is not None:
-                body, measured = points["model"][inside], points["measured"][inside]
-                samples.append(
-                    LeftOutSample(view, plan.rig.cameras[view], pixels[inside], body, measured, covariance[inside])
-                )
+    for errors, sample in jobs.in_order(_predict_left_out, _pieces(plan, bodies)):
+        for name, error in errors.items():
+            found.setdefault(name, []).append(error)
+        if sample is not None:
+            samples.append(sample)
     return {name: np.concatenate(parts) for name, parts in found.items()}, samples
 
 
-def _pixels(detections: Detections, tracks: Tracks, view: int) -> np.ndarray:
+def _pieces(plan: Plan, bodies: Bodies | None) -> Iterator[_LeftOut]:
+    """Yield each view to leave out of each range of the sample."""
+    left_out = _left_out(len(plan.rig))
+    for span in sample_spans(plan, len(left_out)):
+        part = replace(
+            plan, detections=plan.detections.frames(span.first, span.last), bodies=None, solver=None, alignment=None,
+            subjects=FixedSubjects(plan.subjects.tracks(span.first, span.last)), agreement=None, sample_m=None,
+        )  # fmt: skip
+        inside = slice(span.start - span.first, span.stop - span.first)
+        solver = plan.solver
+        if solver is not None:
+            solver = replace(solver, steps=tuple(step.frames(span.first, span.last) for step in solver.steps))
+        for view in left_out:
+            yield _LeftOut(part, solver, bodies, inside, view)
+
+
+def _predict_left_out(piece: _LeftOut) -> tuple[dict[LayerName, np.ndarray], LeftOutSample | None]:
+    """Return the prediction errors in the left-out view by layer, and, with bodies, the points that predict it."""
+    camera, inside = piece.plan.rig.cameras[piece.view], piece.inside
+    pixels = _pixels(piece.plan, piece.view)[inside]
+    points, covariance = _points_without(piece)
+    errors: dict[LayerName, np.ndarray] = {
+        name: np.linalg.norm(camera.project(each[inside])[0] - pixels, axis=-1) for name, each in points.items()
+    }
+    if piece.bodies is None:
+        return errors, None
+    body, measured = points["model"][inside], points["measured"][inside]
+    return errors, LeftOutSample(piece.view, camera, pixels, body, measured, covariance[inside])
+
+
+def _pixels(plan: Plan, view: int) -> np.ndarray:
     """Return the keypoints of a view, shape (frame, person, keypoint, 2), NaN where none is certain enough."""
-    rows = tracks.rows(detections)[:, :, view]
+    detections = plan.detections
+    rows = plan.subjects.tracks(0, detections.n_frames).rows(detections)[:, :, view]
     found = np.where(rows >= 0, rows, 0)
     if not len(detections.keypoints_px):
         return np.full((*rows.shape, len(detections.skeleton), 2), np.nan)
@@ -180,32 +225,33 @@ def _pixels(detections: Detections, tracks: Tracks, view: int) -> np.ndarray:
     return np.where(counts[..., None], pixels, np.nan)
 
 
-def _points_without(
-    plan: Plan, bodies: Bodies | None, span: Span, whole: Detections, tracks: Tracks, view: int
-) -> tuple[dict[LayerName, np.ndarray], np.ndarray]:
+def _points_without(piece: _LeftOut) -> tuple[dict[LayerName, np.ndarray], np.ndarray]:
     """Return the points of each layer computed without a view, and the covariances of the measured ones.
 
     Returns:
         Points, shape (frame, person, keypoint, 3), by layer, and covariances, shape (frame, person, keypoint, 6).
     """
-    rig, others = _others(plan.rig, view)
-    detections = whole.views([name for i, name in enumerate(whole.view_names) if i != view])
+    plan = piece.plan
+    rig, others = _others(plan.rig, piece.view)
+    names = plan.detections.view_names
+    detections = plan.detections.views([name for i, name in enumerate(names) if i != piece.view])
+    tracks = plan.subjects.tracks(0, detections.n_frames)
     tracks = Tracks(tracks.person_ids, np.asarray(tracks.detection)[:, :, others], tracks.state)
     noise = replace(plan.noise, scale_px=plan.noise.scale_px[others])
     triangulation = replace(
         plan.options.triangulation, min_views=min(plan.options.triangulation.min_views or 2, len(rig))
     )
     part_plan = replace(
-        plan, rig=rig, detections=detections, subjects=FixedSubjects(tracks), noise=noise, bodies=None, solver=None,
-        alignment=None, agreement=None, sample_m=None, options=replace(plan.options, triangulation=triangulation),
+        plan, rig=rig, detections=detections, subjects=FixedSubjects(tracks), noise=noise,
+        options=replace(plan.options, triangulation=triangulation),
     )  # fmt: skip
     part = measure(part_plan, 0, detections.n_frames)
     points: dict[LayerName, np.ndarray] = {"measured": np.asarray(part.layers["measured"].points_m)}
-    if plan.solver is not None:
-        points["solved"] = _solved(plan.solver, part_plan, part, span)
-    if bodies is not None:
+    if piece.solver is not None:
+        points["solved"] = _solved(piece.solver, part_plan, part)
+    if piece.bodies is not None:
         try:
-            points["model"] = bodies.points(rig, detections, tracks, noise)
+            points["model"] = piece.bodies.points(rig, detections, tracks, noise)
         except PosefuseError:
             points["model"] = np.full_like(points["measured"], np.nan)
     return points, np.asarray(part.layers["measured"].covariance_m2)
@@ -217,11 +263,11 @@ def _others(rig: CameraRig, view: int) -> tuple[CameraRig, np.ndarray]:
     return rig.select(rig.names[i] for i in others), others
 
 
-def _solved(solver: LayerSolver, plan: Plan, part: Reconstruction, span: Span) -> np.ndarray:
+def _solved(solver: LayerSolver, plan: Plan, part: Reconstruction) -> np.ndarray:
     """Return the solved points of a measured part, in which a view is missing."""
     layer = part.layers["measured"]
     for step in solver.steps:
-        step = step.frames(span.first, span.last).with_views(plan.rig, plan.detections, plan.noise)
+        step = step.with_views(plan.rig, plan.detections, plan.noise)
         layer = step.apply(FrameWindow(part, 0, 0, part.n_frames), layer)
     return np.asarray(layer.points_m)
 

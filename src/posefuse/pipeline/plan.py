@@ -17,6 +17,9 @@ from posefuse.model.track_events import Event
 from posefuse.pipeline.people.tracked_people import TrackedPeople
 from posefuse.pipeline.solved_layer import LayerSolver
 
+_KEYPOINTS_PER_JOB = 1e6
+"""Number of detected keypoints from which on a further process saves more time than its start takes."""
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -64,6 +67,12 @@ class Plan:
         """Track events of the whole recording."""
         people = self.bodies or self.subjects
         return people.events if isinstance(people, TrackedPeople) else ()
+
+
+def useful_jobs(detections: Detections) -> int:
+    """Return the number of processes beyond which a recording does not profit: one per stretch of some size."""
+    per_frame = detections.n_views * len(detections.skeleton) * float(max(np.mean(detections.people_counts), 1.0))
+    return max(int(detections.n_frames * per_frame / _KEYPOINTS_PER_JOB), 1)
 
 
 def empty_result(plan: Plan) -> Reconstruction:

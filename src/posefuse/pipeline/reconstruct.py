@@ -29,12 +29,13 @@ from posefuse.model.tracks import Tracks
 from posefuse.noise.estimate import estimate_noise, fixed_noise
 from posefuse.noise.samples import Samples, sample_spans, take_samples
 from posefuse.noise.scales import assumed_noise
+from posefuse.parallel import ONE_JOB, JobCount, Jobs, number_of_jobs
 from posefuse.pipeline import solved_layer
 from posefuse.pipeline.defaults import RecordingFacts, cut_time, resolve_method, resolve_options
 from posefuse.pipeline.diagnose import check_recording
 from posefuse.pipeline.joint_angles import with_joint_angles
 from posefuse.pipeline.left_out_views import with_layer_scores
-from posefuse.pipeline.measured_layer import measure, partial_note, reconstruct_chunks
+from posefuse.pipeline.measured_layer import MeasuredRanges, measure, partial_note, reconstruct_chunks
 from posefuse.pipeline.people.find_subjects import (
     FindStoredSubjects,
     FindSubjects,
@@ -44,7 +45,7 @@ from posefuse.pipeline.people.find_subjects import (
 )
 from posefuse.pipeline.people.stills import STILLS, stills_note
 from posefuse.pipeline.people.trackers import unmodeled_note
-from posefuse.pipeline.plan import Plan
+from posefuse.pipeline.plan import Plan, useful_jobs
 from posefuse.pipeline.solved_layer import LayerSolver, Postprocess, Step
 from posefuse.postprocess.bones import median_bones
 from posefuse.preprocess import time_offsets
@@ -63,6 +64,7 @@ def reconstruct(
     *,
     progress: Progress | None = None,
     checkpoint: Checkpoint = NO_CHECKPOINT,
+    jobs: JobCount = 1,
 ) -> Reconstruction:
     """Reconstruct people in 3D from calibrated views.
 
@@ -73,6 +75,8 @@ def reconstruct(
         progress: receives the progress.
         checkpoint: stores finished parts of a long recording (:class:`posefuse.io.checkpoints.CheckpointFolder`); the
             same call resumes from them after an interruption.
+        jobs: number of processes; "auto" uses the physical cores if the recording is long enough. The result does not
+            depend on it.
 
     Returns:
         The reconstruction, in memory, with the findings of the recording check in ``findings``.
@@ -80,12 +84,15 @@ def reconstruct(
     Raises:
         MatchError: if views and cameras do not match.
         DetectionsError: if the detections do not allow what the options ask for.
+        OptionsError: if ``jobs`` is less than 1.
     """
     progress = progress or Silent()
-    plan = with_layer_scores(check_recording(prepare(rig, detections, options or Options(), progress, checkpoint)))
-    return with_joint_angles(
-        concatenate_ranges(reconstruct_chunks(plan, progress, checkpoint), plan.detections.n_frames)
-    )
+    with Jobs(number_of_jobs(jobs, useful_jobs(detections))) as workers:
+        plan = prepare(rig, detections, options or Options(), progress, checkpoint, jobs=workers)
+        findings = check_recording(plan, workers)
+        plan = replace(with_layer_scores(plan, workers), findings=findings())
+        parts = reconstruct_chunks(plan, progress, checkpoint, workers)
+        return with_joint_angles(concatenate_ranges(parts, plan.detections.n_frames), workers)
 
 
 @checked
@@ -106,6 +113,7 @@ def prepare(
     progress: Progress,
     checkpoint: Checkpoint = NO_CHECKPOINT,
     find: FindStoredSubjects | None = None,
+    jobs: Jobs = ONE_JOB,
 ) -> Plan:
     """Determine everything that needs the whole recording: views, frames, subjects, noise, method, world and solver.
 
@@ -117,8 +125,9 @@ def prepare(
         checkpoint: stores the state of tracking. If tracking is interrupted, the plan covers the frames tracked so far.
         find: assigns detections to people, by default :func:`find_subjects`. It gets a checkpoint of its own in a world
             of another size.
+        jobs: processes that read ahead and measure samples.
     """
-    find = find or find_subjects
+    find = find or partial(find_subjects, jobs=jobs)
     plan = examine(rig, detections, options, progress, partial(find, checkpoint=checkpoint))
     align = plan.options.align
     if align.turns or align.scales or plan.options.postprocess.rigid_bones:
@@ -128,7 +137,7 @@ def prepare(
         scale = scale_factor(sample_points(plan), plan.detections.skeleton, align)
         again = checkpoint.child(f"resized_{plan.detections.n_frames}")
         plan = resize(plan, scale, progress, partial(find, checkpoint=again))
-    return with_solver(with_alignment(with_up(with_findings(plan)), scale))
+    return with_solver(with_alignment(with_up(with_findings(plan)), scale), jobs)
 
 
 def examine(
@@ -352,8 +361,12 @@ def with_alignment(plan: Plan, scale: float | None) -> Plan:
     return replace(plan, alignment=alignment, provenance=plan.provenance.with_notes(alignment.steps))
 
 
-def with_solver(plan: Plan) -> Plan:
+def with_solver(plan: Plan, jobs: Jobs = ONE_JOB) -> Plan:
     """Return the plan with the steps that compute the solved layer, if the options ask for any.
+
+    Args:
+        plan: plan in its final world.
+        jobs: processes that measure the sample to which priors are fitted.
 
     Raises:
         DetectionsError: if a step needs times and frames have none.
@@ -365,12 +378,10 @@ def with_solver(plan: Plan) -> Plan:
         pieces = ranges(plan.detections.n_frames, CHUNK_FRAMES)
         states = np.concatenate([np.asarray(plan.subjects.tracks(*piece).state) for piece in pieces])
         if states.shape[1]:
-            spans = solved_layer.training_spans(states)
-            step = solved_layer.fit_trajectory(
-                plan.rig, plan.detections, plan.noise, spans, partial(measure, plan), plan.options.trajectory
-            )
+            sample = MeasuredRanges(plan, solved_layer.training_spans(states), jobs)
+            step = solved_layer.fit_trajectory(plan.rig, plan.detections, plan.noise, sample, plan.options.trajectory)
             if plan.options.contact == "on":
-                step = solved_layer.with_contact(step, spans, partial(measure, plan))
+                step = solved_layer.with_contact(step, sample)
             steps.append(step)
     postprocess = plan.options.postprocess
     if not postprocess.does_nothing:

@@ -4,6 +4,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from posefuse.io.results import netcdf
 from posefuse.model.findings import Finding
 from posefuse.model.options.options import LayerName, Options
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.parallel import JobCount, Jobs, number_of_jobs
 from posefuse.pipeline.calibrate_recording import ensure_calibration
 from posefuse.pipeline.diagnose import check_recording
 from posefuse.pipeline.distributed import PieceRunner, Workers, prepare_distributed, reconstruct_distributed
@@ -33,7 +35,7 @@ from posefuse.pipeline.fingerprints import (
 )
 from posefuse.pipeline.left_out_views import with_layer_scores
 from posefuse.pipeline.measured_layer import PARTIAL, finished_chunks, reconstruct_chunks
-from posefuse.pipeline.plan import Plan
+from posefuse.pipeline.plan import Plan, useful_jobs
 from posefuse.pipeline.reconstruct import prepare
 from posefuse.pipeline.recording_checkpoint import open_checkpoint
 from posefuse.pipeline.write_outputs import (
@@ -109,6 +111,7 @@ def reconstruct_recording(
     also: tuple[str, ...] = (),
     overwrite: bool = False,
     progress: Progress | None = None,
+    jobs: JobCount = 1,
     execution: Execution | None = None,
 ) -> Outcome:
     """Reconstruct a recording and write every output into a folder.
@@ -127,17 +130,21 @@ def reconstruct_recording(
         also: other formats to write, see ``posefuse formats``.
         overwrite: whether to replace an earlier result in the folder, whatever its inputs and options.
         progress: receives the progress.
+        jobs: number of processes; "auto" uses the physical cores if the recording is long enough. The files do not
+            depend on it.
         execution: how a batch runs it.
 
     Returns:
         The files written, the findings of the recording check, and notes.
 
     Raises:
+        OptionsError: if ``jobs`` is less than 1.
         OutputExistsError: if the folder contains a result of other inputs, options or versions.
         PosefuseError: if the recording cannot be read, reconstructed or written.
         KeyboardInterrupt: if the run is interrupted before the first chunk is finished.
     """
     output, execution = Path(output), execution or Execution()
+    number_of_jobs(jobs, useful=1)
     require_known_formats(also)
     ensure_calibration(Path(recording), inputs or RecordingInputs(), progress)
     request = _Request(Path(recording), options or Options(), inputs or RecordingInputs(), also, execution.workers)
@@ -149,7 +156,7 @@ def reconstruct_recording(
         _announce_checkpoint(output / CHECKPOINT_FOLDER),
         replacing_folder(output, MARK if (output / MARK).exists() else RESULT, after=after) as staging,
     ):
-        run = _Run(staging, output, request.options, request.inputs, also, progress or Silent())
+        run = _Run(staging, output, request.options, request.inputs, also, progress or Silent(), jobs)
         outcome, checkpoint = run.reconstruct(request.folder, execution.workers)
         files, remarks = write_other_formats(staging, also)
         outcome = replace(outcome, files=(*outcome.files, *files), remarks=(*outcome.remarks, *remarks))
@@ -253,6 +260,7 @@ class _Run:
         inputs: paths of inputs.
         also: other formats to write.
         progress: receives the progress.
+        jobs: number of processes that the user asks for.
     """
 
     staging: Path
@@ -261,6 +269,7 @@ class _Run:
     inputs: RecordingInputs
     also: tuple[str, ...]
     progress: Progress
+    jobs: JobCount
 
     def reconstruct(self, folder: Path, workers: Workers | None) -> tuple[Outcome, CheckpointFolder | None]:
         """Read, reconstruct and write a recording.
@@ -279,18 +288,20 @@ class _Run:
         stored = open_checkpoint(self.output / CHECKPOINT_FOLDER, opened, options, self.progress, window_s)
         checkpoint = None if opened.detections.n_frames <= options.chunk_frames and workers is None else stored
         path = self.staging / RESULT
-        plan = _load_or_make(checkpoint, path, lambda: self._make(opened, options, path, checkpoint, workers))
-        if edits is not None:
-            unedited = path.rename(self.staging / "unedited.nc")
-            write_edited(netcdf.read_reconstruction(unedited), edits, path)
-            unedited.unlink()
-        result = netcdf.read_reconstruction(path)
-        written = write_outputs(result, self.staging, self.progress, folder.resolve().name)
+        with Jobs(number_of_jobs(self.jobs, useful_jobs(opened.detections))) as jobs:
+            make = partial(self._make, opened, options, path, checkpoint, workers, jobs)
+            plan = _load_or_make(checkpoint, path, make)
+            if edits is not None:
+                unedited = path.rename(self.staging / "unedited.nc")
+                write_edited(netcdf.read_reconstruction(unedited), edits, path)
+                unedited.unlink()
+            result = netcdf.read_reconstruction(path)
+            written = write_outputs(result, self.staging, self.progress, folder.resolve().name, jobs)
         debug = () if plan is None else write_debug_figures(plan, result, self.staging, self.progress)
         files = (RESULT, *written.files, *debug)
-        notes, partial = result.provenance.notes, _partial_remark(result)
+        notes, rest = result.provenance.notes, _partial_remark(result)
         outcome = Outcome(
-            self.output, files, written.layer, result.findings, notes, written.remarks, partial, written.gait
+            self.output, files, written.layer, result.findings, notes, written.remarks, rest, written.gait
         )
         return outcome, stored
 
@@ -301,6 +312,7 @@ class _Run:
         path: Path,
         checkpoint: CheckpointFolder | None,
         workers: Workers | None,
+        jobs: Jobs,
     ) -> Plan:
         """Write ``reconstruction.nc`` and return its plan."""
         recording, parts = (opened.rig, opened.detections, options), checkpoint or NO_CHECKPOINT
@@ -310,13 +322,14 @@ class _Run:
             runner = PieceRunner(checkpoint, workers)
             plan = prepare_distributed(*recording, runner, self.progress)
         else:
-            plan = prepare(*recording, self.progress, parts)
-        plan = check_recording(replace(plan, provenance=replace(plan.provenance, inputs=opened.digests)))
-        plan = with_layer_scores(plan)
+            plan = prepare(*recording, self.progress, parts, jobs=jobs)
+        plan = replace(plan, provenance=replace(plan.provenance, inputs=opened.digests))
+        findings = check_recording(plan, jobs)
+        plan = replace(with_layer_scores(plan, jobs), findings=findings())
         if runner is not None:
             netcdf.write(reconstruct_distributed(plan, runner, self.progress), path)
         else:
-            _write_chunks(plan, self.progress, parts, path)
+            _write_chunks(plan, self.progress, parts, path, jobs)
         return plan
 
 
@@ -348,10 +361,10 @@ def _load_or_make(checkpoint: CheckpointFolder | None, path: Path, make: Callabl
     return plan
 
 
-def _write_chunks(plan: Plan, progress: Progress, checkpoint: Checkpoint, path: Path) -> None:
+def _write_chunks(plan: Plan, progress: Progress, checkpoint: Checkpoint, path: Path, jobs: Jobs) -> None:
     """Write the reconstruction; if it is interrupted, write the chunks that are finished."""
     try:
-        netcdf.write(reconstruct_chunks(plan, progress, checkpoint), path)
+        netcdf.write(reconstruct_chunks(plan, progress, checkpoint, jobs), path)
     except KeyboardInterrupt:
         progress.finish()
         if next(finished_chunks(plan, checkpoint), None) is None:

@@ -1,6 +1,6 @@
 """The solved layer: measured points processed over time, in windows of a recording of any length."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Protocol
@@ -15,7 +15,9 @@ from posefuse.model.noise import NoiseModel
 from posefuse.model.options.options import Options
 from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.model.reconstruction import Layer, Reconstruction
+from posefuse.model.track_events import Poses
 from posefuse.model.tracks import TrackState
+from posefuse.parallel import ONE_JOB, Jobs
 from posefuse.pipeline.foot_contact import FootContact, find_foot_contact
 from posefuse.pipeline.reprojection_errors import with_reprojection_errors
 from posefuse.pipeline.resting_feet import with_resting_feet
@@ -49,6 +51,10 @@ class FrameWindow:
     start: int
     stop: int
 
+    def without_margin(self) -> Reconstruction:
+        """Return the range."""
+        return replace(self.part.frames(self.start - self.first, self.stop - self.first), events=self.part.events)
+
 
 class Step(Protocol):
     """One operation on a layer over time."""
@@ -68,6 +74,18 @@ class Step(Protocol):
 
     def with_views(self, rig: CameraRig, detections: Detections, noise: NoiseModel) -> "Step":
         """Return the same step for the same frames with other views."""
+        ...
+
+
+class MeasuredSpans(Protocol):
+    """Ranges of a recording with their measured layer, which can be read several times."""
+
+    def __len__(self) -> int:
+        """Return the number of ranges."""
+        ...
+
+    def __iter__(self) -> Iterator[tuple[tuple[int, int], Reconstruction]]:
+        """Yield first frame and end of each range, and its frames."""
         ...
 
 
@@ -166,8 +184,7 @@ def fit_trajectory(
     rig: CameraRig,
     detections: Detections,
     noise: NoiseModel,
-    spans: Sequence[tuple[int, int]],
-    measure: Callable[[int, int], Reconstruction],
+    ranges: MeasuredSpans,
     options: TrajectoryOptions,
 ) -> Trajectory:
     """Fit the priors of motion, bones and errors to ranges of a recording, and return the solve that uses them.
@@ -176,38 +193,33 @@ def fit_trajectory(
         rig: calibrated cameras.
         detections: detections of the whole recording.
         noise: noise of the detections.
-        spans: ranges of frames to fit to, from :func:`training_spans`.
-        measure: measures a range of frames.
+        ranges: first frame and end of each range to fit to, from :func:`training_spans`, and its measured frames; it is
+            read twice.
         options: options of the solve.
     """
 
     def measured() -> Iterator[MeasuredRange]:
-        for span in spans:
-            part = measure(*span)
+        for span, part in ranges:
             assert part.tracks is not None
             yield MeasuredRange(rig, detections.frames(*span), part.tracks, part.layers["measured"], part.swaps, noise)
 
     priors = estimate_priors(measured(), detections.skeleton, options)
-    if len(spans) > 1:
+    if len(ranges) > 1:
         # The solve of a single range estimates its own roughness equally well.
         priors = trajectory.estimate_roughness(priors, measured(), options)
     return Trajectory(rig, detections, noise, priors, options)
 
 
-def with_contact(
-    step: Trajectory, spans: Sequence[tuple[int, int]], measure: Callable[[int, int], Reconstruction]
-) -> Trajectory:
+def with_contact(step: Trajectory, ranges: MeasuredSpans) -> Trajectory:
     """Return the solve with feet that rest on the ground, where a sample of the recording shows the ground.
 
     Args:
         step: solve without contact.
-        spans: ranges of frames that serve as the sample.
-        measure: measures a range of frames.
+        ranges: first frame and end of each range of the sample, and its measured frames.
     """
 
     def solved() -> Iterator[tuple[np.ndarray, Layer]]:
-        for start, stop in spans:
-            part = measure(start, stop)
+        for (start, stop), part in ranges:
             window = FrameWindow(part, start, start, stop)
             times = frame_times_s(step.detections.frames(start, stop))
             yield times, step.apply(window, part.layers["measured"])
@@ -263,7 +275,14 @@ class LayerSolver:
         return max(BLOCK_FRAMES, self.margin)
 
     def solve(
-        self, parts: Iterable[Reconstruction], n_frames: int, size: int | None = None, done: int = 0, begin: int = 0
+        self,
+        parts: Iterable[Reconstruction],
+        n_frames: int,
+        size: int | None = None,
+        *,
+        done: int = 0,
+        begin: int = 0,
+        jobs: Jobs = ONE_JOB,
     ) -> Iterator[Reconstruction]:
         """Return the recording with its solved layer, in ranges of ``size`` frames, however ``parts`` is divided.
 
@@ -273,24 +292,41 @@ class LayerSolver:
             size: number of frames solved at a time, by default :attr:`size`.
             done: number of ranges to skip.
             begin: index of the first frame of the first part, no later than the first frame that is read.
+            jobs: processes that solve.
         """
-        return map(self.solve_window, frame_windows(iter(parts), n_frames, self.margin, size or self.size, done, begin))
+        windows = frame_windows(iter(parts), n_frames, self.margin, size or self.size, done, begin)
+        pieces = ((window.without_margin(), self._piece(window)) for window in windows)
+        for part, solved in jobs.in_order_with(_solve_piece, pieces):
+            yield _with_solved(part, solved)
 
     def solve_window(self, window: FrameWindow) -> Reconstruction:
         """Return the range of a window with its solved layer."""
+        return _with_solved(window.without_margin(), self._solve_frames(window))
+
+    def _solve_frames(self, window: FrameWindow) -> "_SolvedFrames":
         layer = window.part.layers["measured"]
         for step in self.steps:
             layer = step.apply(window, layer)
-        return _without_margin(self._rest_feet(window, layer), with_true_statuses(layer))
+        start, stop = window.start - window.first, window.stop - window.first
+        solved, part = with_true_statuses(layer).frames(start, stop), window.part
+        step = self._contact_step
+        if step is None or step.contact is None or part.poses is None:
+            return _SolvedFrames(solved, None, None)
+        detections = step.detections.frames(window.first, window.first + part.n_frames)
+        part = with_resting_feet(part, layer, step.contact, step.rig, detections).frames(start, stop)
+        return _SolvedFrames(solved, part.layers["model"], part.poses)
 
-    def _rest_feet(self, window: FrameWindow, solved: Layer) -> FrameWindow:
-        """Return the window with fitted bodies whose feet rest where those of the solved layer do."""
-        part = window.part
-        for step in self.steps:
-            if isinstance(step, Trajectory) and step.contact is not None and part.poses is not None:
-                detections = step.detections.frames(window.first, window.first + part.n_frames)
-                part = with_resting_feet(part, solved, step.contact, step.rig, detections)
-        return replace(window, part=part)
+    @property
+    def _contact_step(self) -> Trajectory | None:
+        """The step that knows which feet rest."""
+        return next((each for each in self.steps if isinstance(each, Trajectory) and each.contact is not None), None)
+
+    def _piece(self, window: FrameWindow) -> "tuple[LayerSolver, FrameWindow]":
+        """Return the same as :meth:`restricted_to`, without bodies where the steps do not read them."""
+        if self._contact_step is None:
+            layers = {"measured": window.part.layers["measured"]}
+            window = replace(window, part=replace(window.part, layers=layers, poses=None))
+        return self.restricted_to(window)
 
     def restricted_to(self, window: FrameWindow) -> "tuple[LayerSolver, FrameWindow]":
         """Return a solver that holds the data of a window only, and the window by its frame indices.
@@ -303,13 +339,33 @@ class LayerSolver:
         return replace(self, steps=steps), moved
 
 
-def _without_margin(window: FrameWindow, solved: Layer) -> Reconstruction:
-    """Return the range of a window, its layers ordered from the rawest to the most processed."""
-    start, stop = window.start - window.first, window.stop - window.first
-    part = window.part.frames(start, stop)
+@dataclass(frozen=True, eq=False)
+class _SolvedFrames:
+    """What a solve over time adds to a range of frames.
+
+    Attributes:
+        solved: the solved layer.
+        model: the model layer, if its feet rest where those of the solved layer do; else None.
+        poses: poses of the same bodies, or None.
+    """
+
+    solved: Layer
+    model: Layer | None
+    poses: Poses | None
+
+
+def _solve_piece(piece: tuple[LayerSolver, FrameWindow]) -> _SolvedFrames:
+    solver, window = piece
+    return solver._solve_frames(window)
+
+
+def _with_solved(part: Reconstruction, found: _SolvedFrames) -> Reconstruction:
+    """Return a range of frames with its solved layer; layers are ordered from the rawest to the most processed."""
     rest = {name: layer for name, layer in part.layers.items() if name != "measured"}
-    layers = {"measured": part.layers["measured"], "solved": solved.frames(start, stop), **rest}
-    return replace(part, layers=layers, events=window.part.events)
+    if found.model is not None:
+        rest["model"] = found.model
+        part = replace(part, poses=found.poses)
+    return replace(part, layers={"measured": part.layers["measured"], "solved": found.solved, **rest})
 
 
 def frame_windows(

@@ -1,22 +1,38 @@
 """Write the outputs of a reconstruction beside its ``reconstruction.nc``."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
+import numpy as np
+
+from posefuse.biomechanics.gait import Gait
 from posefuse.biomechanics.tables import body_tables
 from posefuse.errors import OptionsError, ResultError, suggestion
 from posefuse.evaluation.error_profile import error_profile
 from posefuse.io.results import netcdf, netcdf_angles
-from posefuse.io.results.figures import write_figures
+from posefuse.io.results.figures import has_figures, write_figure
 from posefuse.io.results.format import ResultFacts
+from posefuse.io.results.names import safe_names
 from posefuse.io.results.netcdf_contact import add_contact
 from posefuse.io.results.open_result import open_result
-from posefuse.io.results.write import additional_names, people_with_frames, require_formats, write_also, write_folder
+from posefuse.io.results.write import (
+    OutputFile,
+    Table,
+    additional_names,
+    default_files,
+    people_with_frames,
+    require_formats,
+    write_also,
+    write_files,
+)
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import LayerName, Options
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.track_events import Event
+from posefuse.parallel import ONE_JOB, Jobs
 from posefuse.pipeline.defaults import RecordingFacts, resolve_people
 from posefuse.pipeline.fingerprints import RESULT
 from posefuse.pipeline.gait import analyze_gait
@@ -52,7 +68,9 @@ class WrittenOutputs:
     gait: tuple[str, ...] = ()
 
 
-def write_outputs(result: Reconstruction, folder: Path, progress: Progress, recording: str = "") -> WrittenOutputs:
+def write_outputs(
+    result: Reconstruction, folder: Path, progress: Progress, recording: str = "", jobs: Jobs = ONE_JOB
+) -> WrittenOutputs:
     """Write everything beside ``reconstruction.nc``, to which joint angles and contacts are added.
 
     Args:
@@ -60,25 +78,43 @@ def write_outputs(result: Reconstruction, folder: Path, progress: Progress, reco
         folder: output folder.
         progress: receives the progress.
         recording: name of the recording in the report.
+        jobs: processes that estimate joint angles and write files.
     """
     path = folder / RESULT
     if path.exists():
-        parts = report_ranges(joint_angles(result), result.n_frames, "estimating joint angles", progress)
+        parts = report_ranges(joint_angles(result, jobs), result.n_frames, "estimating joint angles", progress)
         netcdf_angles.add(parts, path)
         result = netcdf.read_reconstruction(path)
     gait = analyze_gait(result)
-    tables, movements = dict(body_tables(result)), ()
+    tables: dict[str, Table] = dict(body_tables(result))
+    movements: Sequence[Event] = ()
     if gait is not None:
-        tables |= gait.tables()
+        tables |= {name: partial(_known_columns, columns) for name, columns in gait.tables().items()}
         movements = gait.events()
         add_contact(path, gait.contact, gait.sliding, gait.layer)
-    files, layer, unwritten = write_folder(result, folder, progress, tables, movements)
-    figures, remarks = ([], []) if unwritten else write_figures(result, people_with_frames(result), folder, progress)
+    files, unwritten = default_files(result, tables, movements)
+    if not unwritten and has_figures(result):
+        people = people_with_frames(result)
+        stems = zip(people, safe_names(people), strict=True)
+        files += [OutputFile(stem, partial(write_figure, person, stem)) for person, stem in stems]
     people = None if gait is None else gait.people
-    report = render_report(result, progress=progress, gait=people, recording=recording)
-    (folder / REPORT).write_text(report, "utf-8")
+    files.append(OutputFile(REPORT, partial(_write_report, people, recording)))
+    names, remarks = write_files(result, files, folder, progress, jobs)
     lines = () if gait is None else gait.summary()
-    return WrittenOutputs((*files, *figures, REPORT), layer, (*unwritten, *remarks), lines)
+    layer, _ = result.best_layer(result.options.layer)
+    return WrittenOutputs(tuple(names), layer, (*unwritten, *remarks), lines)
+
+
+def _known_columns(columns: Mapping[str, np.ndarray], _: Reconstruction) -> tuple[Mapping[str, np.ndarray]]:
+    """Return a table that is computed already."""
+    return (columns,)
+
+
+def _write_report(
+    gait: Mapping[str, Gait] | None, recording: str, result: Reconstruction, folder: Path
+) -> tuple[Sequence[str], Sequence[str]]:
+    (folder / REPORT).write_text(render_report(result, gait=gait, recording=recording), "utf-8")
+    return (REPORT,), ()
 
 
 def require_known_formats(also: Sequence[str]) -> None:

@@ -341,6 +341,8 @@ class History:
 
 def _differ(shape_m: np.ndarray, other_m: np.ndarray) -> bool:
     """Return whether lengths are those of another body, and not refined ones of the same."""
+    if np.array_equal(shape_m, other_m):
+        return False
     return bool(np.median(np.abs(shape_m - other_m) / np.abs(other_m)) > _OTHER_BODY)
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.kernels.tracking.records import State
+from posefuse.parallel import ONE_JOB, Jobs
 from posefuse.tracking.backward_pass import smooth_in_place
 from posefuse.tracking.body_states import join_states, select_states
 from posefuse.tracking.history import History, Run
@@ -53,9 +54,13 @@ class PeopleSmoother:
             of the preceding ``look_ahead_s``.
         start: Index of the first frame.
         settings: Settings whose options define the smoother; by default those of the history.
+        jobs: Processes that smooth the tracks.
     """
 
-    def __init__(self, history: History, start: int = 0, settings: TrackerSettings | None = None) -> None:
+    def __init__(
+        self, history: History, start: int = 0, settings: TrackerSettings | None = None, jobs: Jobs = ONE_JOB
+    ) -> None:
+        self._jobs = jobs
         self.history = history
         self.settings = settings or history.settings
         self.done = start
@@ -110,53 +115,82 @@ class PeopleSmoother:
         return options.look_ahead_s + (options.fix_shape_after_s if free else 0.0)
 
     def _take(self, stop: int, ahead_s: float) -> list[SmoothedPerson]:
-        history, start = self.history, self.done
+        history, start, options = self.history, self.done, self.settings.options
         until = max(stop, history.place_at(history.time_s[stop - 1] + ahead_s))
-        people, windows = [], {}
-        later: _LaterRun | None = None
-        bridge_s = self.settings.options.bridge_s
         following = stop - 1
         if self._priors is not None:
             # Fitted poses depend on the frames before as well as on those after them.
-            following = min(history.place_at(history.time_s[stop - 1] - self.settings.options.look_ahead_s), stop - 1)
-        runs = [part for run in history.runs(self._from, until) for part in _split_at_gaps(run, bridge_s)]
-        for part in reversed(runs):
-            joins = later is not None and later.follows(part)
-            body, window, later = self._smooth(part, (start, stop, following), later if joins else None)
-            if len(body):
-                keep = part.within(start, stop)
-                # Copies do not keep the filter's states in memory.
-                people.append(SmoothedPerson(part.number, keep.places, body, keep.used.copy(), keep.missing_s.copy()))
-            if window is not None:
-                windows.setdefault(part.number, window)
-        self._windows, self.done, self._from = windows, stop, following
-        return people[::-1]
+            following = min(history.place_at(history.time_s[stop - 1] - options.look_ahead_s), stop - 1)
+        tracks: dict[int, list[Run]] = {}
+        for run in history.runs(self._from, until):
+            tracks.setdefault(run.number, []).extend(_split_at_gaps(run, options.bridge_s))
+        pieces = (
+            _TrackPiece(runs, (start, stop, following), self._windows.get(number), self._priors, self.settings)
+            for number, runs in tracks.items()
+        )
+        smoothed = list(zip(tracks, self._jobs.in_order(_smooth_track, pieces), strict=True))
+        self._windows = {number: window for number, (_, window) in smoothed if window is not None}
+        self.done, self._from = stop, following
+        return [person for _, (people, _) in smoothed for person in people]
 
-    def _smooth(
-        self, part: Run, span: tuple[int, int, int], later: "_LaterRun | None"
-    ) -> tuple[SmoothedBodies, Window | None, "_LaterRun | None"]:
-        """Smooth the frames of a span: first frame, end, and first frame that the next range needs.
 
-        Returns:
-            One person's frames of the span, the window to continue from, and the person's first state.
-        """
-        first, last, following = (int(np.searchsorted(part.places, place)) for place in span)
-        if self.settings.options.smoother == "none":
-            return describe_bodies(part.within(*span[:2]).state, None, self.settings), None, None
-        window = refilter_run(part, self._windows.get(part.number), self.settings)
-        rest = window.after(min(following, last - 1)).copy() if last else None
-        begin = 0 if self._priors is not None else first
-        states = _smoothed_by(window.after(begin).state, part.time_s[begin:], later, self.settings)
-        begins = _LaterRun(part, select_states(states, [0])) if part.fresh and first == 0 else None
-        fitted = None
-        if self._priors is not None and last > first:
-            fitted = fit_path(states, part.frames(begin, len(part)), self._priors, self.settings)
-        kept = State(*(each[first - begin : last - begin] for each in (fitted or states)))
-        if fitted is None:
-            body = describe_bodies(kept, window.information[first:last], self.settings)
-        else:
-            body = with_lasting_offsets(describe_bodies(kept, None, self.settings), self.settings)
-        return body, rest, begins
+@dataclass(frozen=True, eq=False)
+class _TrackPiece:
+    """A track in a range of frames.
+
+    Attributes:
+        runs: Runs of the track in the frames that influence the range, by time.
+        span: First frame, end, and first frame that the next range needs.
+        window: Frames filtered again earlier.
+        priors: Priors of fitted paths; None without.
+        settings: Settings of the smoother.
+    """
+
+    runs: list[Run]
+    span: tuple[int, int, int]
+    window: Window | None
+    priors: PathPriors | None
+    settings: TrackerSettings
+
+
+def _smooth_track(piece: _TrackPiece) -> tuple[list[SmoothedPerson], Window | None]:
+    """Smooth a track; return its parts in the range of frames by time, and the window to continue from."""
+    people, following = [], None
+    later: _LaterRun | None = None
+    start, stop, _ = piece.span
+    for run in reversed(piece.runs):
+        joins = later is not None and later.follows(run)
+        body, window, later = _smooth_run(piece, run, later if joins else None)
+        if len(body):
+            keep = run.within(start, stop)
+            # Copies do not keep the filter's states in memory.
+            people.append(SmoothedPerson(run.number, keep.places, body, keep.used.copy(), keep.missing_s.copy()))
+        following = following or window
+    return people[::-1], following
+
+
+def _smooth_run(
+    piece: _TrackPiece, run: Run, later: "_LaterRun | None"
+) -> tuple[SmoothedBodies, Window | None, "_LaterRun | None"]:
+    """Return one person's frames of the span, the window to continue from, and the person's first state."""
+    settings, priors = piece.settings, piece.priors
+    first, last, following = (int(np.searchsorted(run.places, place)) for place in piece.span)
+    if settings.options.smoother == "none":
+        return describe_bodies(run.within(*piece.span[:2]).state, None, settings), None, None
+    window = refilter_run(run, piece.window, settings)
+    rest = window.after(min(following, last - 1)).copy() if last else None
+    begin = 0 if priors is not None else first
+    states = _smoothed_by(window.after(begin).state, run.time_s[begin:], later, settings)
+    begins = _LaterRun(run, select_states(states, [0])) if run.fresh and first == 0 else None
+    fitted = None
+    if priors is not None and last > first:
+        fitted = fit_path(states, run.frames(begin, len(run)), priors, settings)
+    kept = State(*(each[first - begin : last - begin] for each in (fitted or states)))
+    if fitted is None:
+        body = describe_bodies(kept, window.information[first:last], settings)
+    else:
+        body = with_lasting_offsets(describe_bodies(kept, None, settings), settings)
+    return body, rest, begins
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,9 @@ from posefuse.io.files import reading
 from posefuse.io.parquet_files import check_row_groups
 from posefuse.lazy_array import LazyArray
 
+_KEPT_GROUPS, _MAX_KEPT_BYTES = 3, 80_000_000
+"""Number of row groups of a column that stay in memory, and the size beyond which none does."""
+
 
 @dataclass(frozen=True)
 class Index:
@@ -200,6 +203,11 @@ class _PersonRows(LazyArray):
     def __init__(self, index: Index, column: str | None, shape: tuple[int, ...], dtype: type = np.float64) -> None:
         super().__init__((len(index.place_of), *shape), dtype)
         self._index, self._column = index, column
+        self._recent: dict[tuple[int, int], np.ndarray] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the array without the row groups in memory."""
+        return {**vars(self), "_recent": {}}
 
     def read_rows(self, start: int, stop: int) -> np.ndarray:
         """Read the rows from the tables that contain them."""
@@ -220,16 +228,33 @@ class _PersonRows(LazyArray):
         pq = import_pyarrow().parquet
         ends, file = self._index.group_ends[f], self._index.files[f]
         groups = np.unique(np.searchsorted(ends, places, side="right") - 1)
+        recent = self._recent
+        kept = {group: recent[f, group] for group in groups.tolist() if (f, group) in recent}
+        if len(kept) == len(groups):
+            yield from ((int(ends[group]), values) for group, values in kept.items())
+            return
         with reading(file, "parquet table"), pq.ParquetFile(file) as content:
             for group in groups.tolist():
-                column = content.read_row_group(group, columns=[self._column])[self._column].combine_chunks()
-                values = self._values(column)
-                if len(values) != ends[group + 1] - ends[group]:
-                    raise FileError(
-                        f"{file}: {self._column} has {len(values)} people, but other columns have a different number. "
-                        "Is the file truncated?"
-                    )
+                values = kept.get(group)
+                if values is None:
+                    values = self._read_group(content, f, group)
                 yield int(ends[group]), values
+
+    def _read_group(self, content: Any, f: int, group: int) -> np.ndarray:
+        """Return the numbers of the people of a row group; those of the last groups stay in memory."""
+        ends = self._index.group_ends[f]
+        column = content.read_row_group(group, columns=[self._column])[self._column].combine_chunks()
+        values = self._values(column)
+        if len(values) != ends[group + 1] - ends[group]:
+            raise FileError(
+                f"{self._index.files[f]}: {self._column} has {len(values)} people, but other columns have a different "
+                "number. Is the file truncated?"
+            )
+        if values.nbytes <= _MAX_KEPT_BYTES:
+            # Ranges of frames are read with those around them, and several stages read them. A new dictionary, because
+            # threads may read at the same time.
+            self._recent = {**dict(list(self._recent.items())[1 - _KEPT_GROUPS :]), (f, group): values}
+        return values
 
     def _values(self, column: Any) -> np.ndarray:
         """Return the numbers of the people of a row group."""

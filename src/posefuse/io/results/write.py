@@ -1,8 +1,9 @@
 """Write results in any supported format."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,11 @@ from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
-from posefuse.progress import Progress, Silent, report_ranges
+from posefuse.parallel import ONE_JOB, Jobs
+from posefuse.progress import Progress, Silent
+
+Table = Callable[[Reconstruction], Iterable[Mapping[str, np.ndarray]]]
+"""Returns a table of a result, as ranges of columns by name. A function of a module, or a partial call of one."""
 
 
 @dataclass(frozen=True)
@@ -249,62 +254,139 @@ def people_with_frames(result: Reconstruction) -> tuple[str, ...]:
     return tuple(name for name, is_present in zip(result.person_ids, present, strict=True) if is_present)
 
 
-def write_folder(
-    result: Reconstruction,
-    folder: Path,
-    progress: Progress | None = None,
-    tables: Mapping[str, Iterable[Mapping[str, np.ndarray]]] | None = None,
-    movements: Sequence[Event] = (),
-) -> tuple[list[str], LayerName, tuple[str, ...]]:
-    """Write every default output of a reconstruction except ``reconstruction.nc``.
+@dataclass(frozen=True)
+class OutputFile:
+    """A file of a result's folder, written independently of the others.
+
+    Attributes:
+        name: name of the file, or what the notes of several files are about.
+        write: writes it from the result into the folder; returns the names of the files, and notes on what they do not
+            contain. A function of a module, or a partial call of one.
+    """
+
+    name: str
+    write: Callable[[Reconstruction, Path], tuple[Sequence[str], Sequence[str]]]
+
+
+def write_files(
+    result: Reconstruction, files: Sequence[OutputFile], folder: Path, progress: Progress, jobs: Jobs = ONE_JOB
+) -> tuple[list[str], list[str]]:
+    """Write files into the folder of a result.
+
+    Args:
+        result: the result to write.
+        files: the files.
+        folder: output folder.
+        progress: receives the progress.
+        jobs: processes that write.
+
+    Returns:
+        The names of the files, in order, and notes on what they do not contain.
+    """
+    names: list[str] = []
+    notes: list[str] = []
+    progress.start("writing files", len(files))
+    for written, remarks in jobs.in_order(_write_file, ((file, result, folder) for file in files)):
+        names += written
+        notes += remarks
+        progress.advance(1)
+    progress.finish()
+    return names, list(dict.fromkeys(notes))
+
+
+def _write_file(piece: tuple[OutputFile, Reconstruction, Path]) -> tuple[Sequence[str], Sequence[str]]:
+    file, result, folder = piece
+    return file.write(result, folder)
+
+
+def default_files(
+    result: Reconstruction, tables: Mapping[str, Table] | None = None, movements: Sequence[Event] = ()
+) -> tuple[list[OutputFile], tuple[str, ...]]:
+    """Return every default output of a reconstruction except ``reconstruction.nc``, figures and report.
 
     The outputs are one CSV per layer, ``events.csv`` and ``angles.csv`` if the result has events or angles, and one TRC
     and one C3D per person who is present in some frame, unless frames are unrelated.
 
     Args:
         result: the result to write.
-        folder: output folder.
-        progress: receives the progress.
-        tables: additional tables by file name, as ranges of columns by name.
+        tables: additional tables by file name.
         movements: events of movements, such as heel strikes, that ``events.csv`` also lists.
 
     Returns:
-        The file names, in order, the layer in TRC and C3D, and a note if they could not be written.
+        The files, and a note if TRC and C3D cannot be written.
     """
-    files = []
-    for name in result.layers:
-        file_name = csv.FILE_NAMES[name]  # type: ignore[index]
-        parts = report_ranges(result.chunks(), result.n_frames, f"writing {file_name}", progress or Silent())
-        csv.write(parts, folder / file_name, name)  # type: ignore[arg-type]
-        files.append(file_name)
+    layers: list[LayerName] = [name for name in csv.FILE_NAMES if name in result.layers]
+    files = [OutputFile(csv.FILE_NAMES[name], partial(_write_layer_table, name)) for name in layers]
     if result.events or movements or result.poses is not None:
-        csv.write_events(sorted([*result.events, *movements], key=lambda event: event.number), folder / csv.EVENTS)
-        files.append(csv.EVENTS)
+        files.append(OutputFile(csv.EVENTS, partial(_write_events, tuple(movements))))
     if result.joint_angles is not None:
-        parts = report_ranges(result.windows(), result.n_frames, f"writing {csv.ANGLES}", progress or Silent())
-        csv.write_angles(parts, folder / csv.ANGLES)
-        files.append(csv.ANGLES)
-    for file_name, columns in (tables or {}).items():
-        write_csv(columns, folder / file_name)
-        files.append(file_name)
-    layer, points = result.best_layer(result.options.layer)
+        files.append(OutputFile(csv.ANGLES, _write_angles))
+    files += [OutputFile(name, partial(_write_table, name, columns)) for name, columns in (tables or {}).items()]
     if not result.has_identities:
-        return files, layer, ()
-    # The frames are read once per file, so the other layers are left out.
-    bare = replace(result, layers={layer: points}, tracks=None, swaps=None, poses=None, events=(), joint_angles=None)
+        return files, ()
     people = people_with_frames(result)
     try:
         if people:
             export_rate(result, "TRC or C3D")
     except ResultError as error:
-        return files, layer, (f"{error} None was written.",)
+        return files, (f"{error} None was written.",)
     for person, stem in zip(people, safe_names(people), strict=True):
-        trc.write(bare, person, folder / f"{stem}.trc", layer, progress)
-        files.append(f"{stem}.trc")
-        if mot.has_coordinates(result):
-            mot.write(replace(bare, joint_angles=result.joint_angles), person, folder / f"{stem}.mot", layer)
-            files.append(f"{stem}.mot")
-        if result.unit == "m":
-            c3d.write(bare, person, folder / f"{stem}.c3d", layer, progress)
-            files.append(f"{stem}.c3d")
-    return files, layer, ()
+        ends = ["trc", *(["mot"] if mot.has_coordinates(result) else []), *(["c3d"] if result.unit == "m" else [])]
+        files += [OutputFile(f"{stem}.{end}", partial(_write_person, end, person, stem)) for end in ends]
+    return files, ()
+
+
+def _write_layer_table(name: LayerName, result: Reconstruction, folder: Path) -> tuple[Sequence[str], Sequence[str]]:
+    csv.write(result.chunks(), folder / csv.FILE_NAMES[name], name)
+    return (csv.FILE_NAMES[name],), ()
+
+
+def _write_events(
+    movements: tuple[Event, ...], result: Reconstruction, folder: Path
+) -> tuple[Sequence[str], Sequence[str]]:
+    csv.write_events(sorted([*result.events, *movements], key=lambda event: event.number), folder / csv.EVENTS)
+    return (csv.EVENTS,), ()
+
+
+def _write_angles(result: Reconstruction, folder: Path) -> tuple[Sequence[str], Sequence[str]]:
+    csv.write_angles(result.windows(), folder / csv.ANGLES)
+    return (csv.ANGLES,), ()
+
+
+def _write_table(
+    name: str, columns: Table, result: Reconstruction, folder: Path
+) -> tuple[Sequence[str], Sequence[str]]:
+    write_csv(columns(result), folder / name)
+    return (name,), ()
+
+
+def _write_person(
+    end: str, person: str, stem: str, result: Reconstruction, folder: Path
+) -> tuple[Sequence[str], Sequence[str]]:
+    """Write a file of one person in the best layer."""
+    layer, points = result.best_layer(result.options.layer)
+    # The frames are read once per file, so the other layers are left out.
+    bare = replace(result, layers={layer: points}, tracks=None, swaps=None, poses=None, events=(), joint_angles=None)
+    path = folder / f"{stem}.{end}"
+    if end == "mot":
+        mot.write(replace(bare, joint_angles=result.joint_angles), person, path, layer)
+    else:
+        {"trc": trc, "c3d": c3d}[end].write(bare, person, path, layer)
+    return (path.name,), ()
+
+
+def write_folder(
+    result: Reconstruction,
+    folder: Path,
+    progress: Progress | None = None,
+    tables: Mapping[str, Table] | None = None,
+    movements: Sequence[Event] = (),
+) -> tuple[list[str], LayerName, tuple[str, ...]]:
+    """Write the files of :func:`default_files`, whose arguments these are, into a folder.
+
+    Returns:
+        The file names, in order, the layer in TRC and C3D, and a note if they could not be written.
+    """
+    files, notes = default_files(result, tables, movements)
+    names, _ = write_files(result, files, folder, progress or Silent())
+    return names, result.best_layer(result.options.layer)[0], notes

@@ -14,6 +14,7 @@ from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
 from posefuse.model.subjects import Subjects
 from posefuse.model.tracks import TrackState
+from posefuse.parallel import ONE_JOB, Jobs
 from posefuse.pipeline.people.stills import STILLS, associate_stills
 from posefuse.pipeline.people.track_recording import track_people, track_subject
 from posefuse.pipeline.people.tracked_people import TrackedPeople
@@ -35,7 +36,12 @@ class FindStoredSubjects(Protocol):
 
 
 def find_subjects(
-    rig: CameraRig, detections: Detections, options: Options, progress: Progress, checkpoint: Checkpoint = NO_CHECKPOINT
+    rig: CameraRig,
+    detections: Detections,
+    options: Options,
+    progress: Progress,
+    checkpoint: Checkpoint = NO_CHECKPOINT,
+    jobs: Jobs = ONE_JOB,
 ) -> tuple[Subjects, TrackedPeople | None]:
     """Return the assignment of detections to people, and their fitted bodies, if any.
 
@@ -45,6 +51,7 @@ def find_subjects(
         options: options with ``people`` resolved.
         progress: receives the progress.
         checkpoint: stores the state of tracking.
+        jobs: with several, a thread reads ahead.
 
     Raises:
         DetectionsError: if one subject is requested and a view shows several people without a choice among them, or
@@ -55,7 +62,7 @@ def find_subjects(
     if options.people == "many" or options.bodies == "fit":
         warn_of_unused_options(options, detections.skeleton)
     if options.people == "many":
-        people = track_people(rig, detections, options, progress, checkpoint)
+        people = track_people(rig, detections, options, progress, checkpoint, jobs=jobs)
         people = people.only(options.person) if options.person else people
         return people, None if options.bodies == "none" else people
     if options.people == STILLS:

@@ -15,6 +15,7 @@ from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.subjects import Subjects
 from posefuse.model.tracks import Tracks
+from posefuse.parallel import ONE_JOB, Jobs
 from posefuse.pipeline.people.initial_noise import initial_noise, sample_frames
 from posefuse.pipeline.people.recorder import Recorder
 from posefuse.pipeline.people.tracked_people import TrackedPeople
@@ -93,6 +94,7 @@ def track_people(
     progress: Progress,
     checkpoint: Checkpoint = NO_CHECKPOINT,
     tracker: ArticulatedTracker | None = None,
+    jobs: Jobs = ONE_JOB,
 ) -> TrackedPeople:
     """Track all people through a recording.
 
@@ -103,6 +105,7 @@ def track_people(
         progress: receives the progress.
         checkpoint: stores the state every ``chunk_frames``. If it does, an interruption ends the recording there.
         tracker: tracker that has processed all frames before the first; a new one if it is None.
+        jobs: with several, a thread reads ahead.
 
     Raises:
         DetectionsError: if frames have no times.
@@ -115,11 +118,11 @@ def track_people(
     progress.start("tracking people", detections.n_frames)
     progress.advance(stage.done)
     try:
-        for start, stop in ranges(detections.n_frames, options.chunk_frames):
-            if start >= stage.done:
-                stage.advance(detections.frames(start, stop), times_s[start:stop])
-                stage = stage.save(checkpoint)
-                progress.advance(stop - start)
+        spans = [span for span in ranges(detections.n_frames, options.chunk_frames) if span[0] >= stage.done]
+        for chunk, (start, stop) in zip(jobs.ahead(detections.frames(*span) for span in spans), spans, strict=True):
+            stage.advance(chunk, times_s[start:stop])
+            stage = stage.save(checkpoint)
+            progress.advance(stop - start)
     except KeyboardInterrupt:
         saved = _Stage.load(checkpoint)
         if saved is None or not checkpoint.enabled:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from posefuse.model.detections import Detections
 from posefuse.model.reconstruction import Layer, pack_covariance
 from posefuse.model.track_events import Event, Poses
 from posefuse.model.tracks import Tracks, TrackState
+from posefuse.parallel import ONE_JOB, Jobs
 from posefuse.pipeline.people.model_layer import model_layer
 from posefuse.pipeline.people.poses import BodyArrays, DerivedStates, Offsets
 from posefuse.pipeline.people.selection import select_people
@@ -93,9 +95,10 @@ class TrackedPeople:
             shape_m=self.shape_m[keep], shape_sd_m=self.shape_sd_m[keep],
         )  # fmt: skip
 
-    def smoother(self) -> "WholeSmoother":
+    def smoother(self, jobs: Jobs = ONE_JOB) -> "WholeSmoother":
         """Return a smoother that runs through the recording once, from the first frame on."""
-        return WholeSmoother(PeopleSmoother(self.history), tuple(PeopleSmoother(each) for each in self.parts))
+        body, *parts = (PeopleSmoother(each, jobs=jobs) for each in (self.history, *self.parts))
+        return WholeSmoother(body, tuple(parts), jobs)
 
     def bodies(
         self, rig: CameraRig, detections: Detections, start: int, people: "SmoothedWhole"
@@ -190,10 +193,12 @@ class WholeSmoother:
 
     body: PeopleSmoother
     parts: tuple[PeopleSmoother, ...]
+    jobs: Jobs = ONE_JOB
 
     def take(self, stop: int) -> SmoothedWhole:
         """Return all people in the frames from the end of the last call up to ``stop``."""
-        return SmoothedWhole(self.body.take(stop), tuple(each.take(stop) for each in self.parts))
+        body, *parts = self.jobs.together(*(partial(each.take, stop) for each in (self.body, *self.parts)))
+        return SmoothedWhole(body, tuple(parts))
 
     @property
     def memory(self) -> tuple[Memory, ...]:
