@@ -17,7 +17,8 @@ from posefuse.model.findings import certain_faults
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.pipeline.distributed import RunPieces, Workers, is_long
 from posefuse.pipeline.fingerprints import RESULT, find_earlier, is_occupied, recording_keys
-from posefuse.pipeline.reconstruct_recording import Execution, Outcome, kept_outcome, reconstruct_recording
+from posefuse.pipeline.reconstruct_recording import Execution, Outcome, Request, carry_out, kept_outcome
+from posefuse.progress import Silent
 from posefuse.report.summary import summarize
 
 _T = TypeVar("_T")
@@ -111,10 +112,8 @@ def _reconstruct(job: Job, warned: list[str], workers: Workers | None) -> JobRes
         remembered.append(_Remembered.of(result, warned))
         return asdict(remembered[0])
 
-    outcome = reconstruct_recording(
-        job.folder, job.output, job.options, inputs=RecordingInputs(job.calibration), overwrite=True,
-        execution=Execution(workers, remember),
-    )  # fmt: skip
+    request = Request(job.folder, job.output, job.options, RecordingInputs(job.calibration), overwrite=True)
+    outcome = carry_out(request, Silent(), Execution(workers=workers, remember=remember))
     return _result(job, "done", remembered[0], outcome)
 
 

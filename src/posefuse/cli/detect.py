@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -36,7 +36,9 @@ class DetectFlags:
         Parameter(help="Examine a part of the images: LEFT,TOP,WIDTH,HEIGHT in px, or CAMERA=... for one camera."),
     ] = ()
     max_people: Annotated[int | None, Parameter(help="Most people per image, the most confident ones.")] = None
-    jobs: Annotated[int | None, Parameter(help="Detectors that run side by side; by default one per core.")] = None
+    jobs: Annotated[
+        int | Literal["auto"], Parameter(help="Detectors that run side by side; auto starts one per core.")
+    ] = "auto"
     overlay: Annotated[bool, Parameter(help="Also write videos with the detections drawn on them.", negative="")] = (
         False
     )
@@ -47,7 +49,8 @@ class DetectFlags:
 
         python = None if self.detector_python is None else str(self.detector_python)
         weights = tuple(str(file) for file in self.weights)
-        return DetectOptions(**{**vars(self), "detector_python": python, "weights": weights})
+        jobs = None if self.jobs == "auto" else self.jobs
+        return DetectOptions(**{**vars(self), "detector_python": python, "weights": weights, "jobs": jobs})
 
 
 def detect(

@@ -11,7 +11,7 @@ from posefuse.cli.console import Bars, count, labeled, notes, say, table, warn, 
 from posefuse.cli.describe_result import describe_gait, describe_remarks, describe_result, layer_remark
 from posefuse.cli.findings import AcceptFindings, exit_on_certain_faults
 from posefuse.cli.help import RECONSTRUCTION_GROUP
-from posefuse.cli.types import Also, Output
+from posefuse.cli.types import Also, JobsFlag, Output
 from posefuse.errors import choices
 from posefuse.model.options.options import Options
 from posefuse.model.options.run import RunOptions
@@ -47,11 +47,12 @@ class _Shortcuts:
 
 @dataclass(frozen=True)
 class _Behavior:
-    """Flags of what is written, and of the exit code."""
+    """Flags of what is written, of the exit code, and of how it runs."""
 
     dry_run: Annotated[bool, Parameter(negative="", help="Print the plan only.")] = False
     also: Also = ()
     accept_findings: AcceptFindings = False
+    jobs: JobsFlag = "auto"
 
 
 def run(
@@ -87,7 +88,7 @@ def run(
         if plan.problems:
             sys.exit(1)
         return
-    watcher = Watcher(_say_plan, _Stages(options, behavior), Bars("images", "detecting"))
+    watcher = Watcher(_say_plan, _Stages(options, behavior), Bars("images", "detecting"), behavior.jobs)
     outcome = run_recording(folder, output, run, options, also=behavior.also, watcher=watcher)
     assert outcome.reconstruction is not None
     report = output / "report.html"

@@ -30,7 +30,12 @@ from posefuse.preprocess.time_offsets import shift_views
 from posefuse.progress import Progress, Silent
 
 
-def check_recording(plan: Plan, jobs: Jobs = ONE_JOB) -> Callable[[], tuple[Finding, ...]]:
+def check_recording(plan: Plan) -> Plan:
+    """Return the plan with the findings of a short recording check in addition to its own; see :func:`begin_check`."""
+    return replace(plan, findings=begin_check(plan)())
+
+
+def begin_check(plan: Plan, jobs: Jobs = ONE_JOB) -> Callable[[], tuple[Finding, ...]]:
     """Begin a short recording check, and return the function that waits for the findings of the plan and the check.
 
     One camera and unrelated frames cannot be checked, and ``health = "off"`` disables the check.

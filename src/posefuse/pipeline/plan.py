@@ -71,7 +71,11 @@ class Plan:
 
 def useful_jobs(detections: Detections) -> int:
     """Return the number of processes beyond which a recording does not profit: one per stretch of some size."""
-    per_frame = detections.n_views * len(detections.skeleton) * float(max(np.mean(detections.people_counts), 1.0))
+    per_frame = (
+        detections.n_views
+        * len(detections.skeleton)
+        * max(len(detections.keypoints_px) / max(detections.people_counts.size, 1), 1.0)
+    )
     return max(int(detections.n_frames * per_frame / _KEYPOINTS_PER_JOB), 1)
 
 

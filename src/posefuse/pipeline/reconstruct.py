@@ -30,9 +30,9 @@ from posefuse.noise.estimate import estimate_noise, fixed_noise
 from posefuse.noise.samples import Samples, sample_spans, take_samples
 from posefuse.noise.scales import assumed_noise
 from posefuse.parallel import ONE_JOB, JobCount, Jobs, number_of_jobs
-from posefuse.pipeline import solved_layer
+from posefuse.pipeline import solved_layer, trajectory_fit
 from posefuse.pipeline.defaults import RecordingFacts, cut_time, resolve_method, resolve_options
-from posefuse.pipeline.diagnose import check_recording
+from posefuse.pipeline.diagnose import begin_check
 from posefuse.pipeline.joint_angles import with_joint_angles
 from posefuse.pipeline.left_out_views import with_layer_scores
 from posefuse.pipeline.measured_layer import MeasuredRanges, measure, partial_note, reconstruct_chunks
@@ -89,7 +89,7 @@ def reconstruct(
     progress = progress or Silent()
     with Jobs(number_of_jobs(jobs, useful_jobs(detections))) as workers:
         plan = prepare(rig, detections, options or Options(), progress, checkpoint, jobs=workers)
-        findings = check_recording(plan, workers)
+        findings = begin_check(plan, workers)
         plan = replace(with_layer_scores(plan, workers), findings=findings())
         parts = reconstruct_chunks(plan, progress, checkpoint, workers)
         return with_joint_angles(concatenate_ranges(parts, plan.detections.n_frames), workers)
@@ -378,10 +378,10 @@ def with_solver(plan: Plan, jobs: Jobs = ONE_JOB) -> Plan:
         pieces = ranges(plan.detections.n_frames, CHUNK_FRAMES)
         states = np.concatenate([np.asarray(plan.subjects.tracks(*piece).state) for piece in pieces])
         if states.shape[1]:
-            sample = MeasuredRanges(plan, solved_layer.training_spans(states), jobs)
-            step = solved_layer.fit_trajectory(plan.rig, plan.detections, plan.noise, sample, plan.options.trajectory)
+            sample = MeasuredRanges(plan, trajectory_fit.training_spans(states), jobs)
+            step = trajectory_fit.fit_trajectory(plan.rig, plan.detections, plan.noise, sample, plan.options.trajectory)
             if plan.options.contact == "on":
-                step = solved_layer.with_contact(step, sample)
+                step = trajectory_fit.with_contact(step, sample)
             steps.append(step)
     postprocess = plan.options.postprocess
     if not postprocess.does_nothing:

@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from posefuse.model.options.options import LayerName, Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.parallel import JobCount, Jobs, number_of_jobs
 from posefuse.pipeline.calibrate_recording import ensure_calibration
-from posefuse.pipeline.diagnose import check_recording
+from posefuse.pipeline.diagnose import begin_check
 from posefuse.pipeline.distributed import PieceRunner, Workers, prepare_distributed, reconstruct_distributed
 from posefuse.pipeline.edit_result import Edits, write_edited
 from posefuse.pipeline.fingerprints import (
@@ -89,14 +89,16 @@ def _nothing(_: object) -> Mapping[str, Any]:
 
 @dataclass(frozen=True)
 class Execution:
-    """How a batch runs a reconstruction.
+    """How a reconstruction runs.
 
     Attributes:
+        jobs: number of processes; "auto" uses the physical cores if the recording is long enough.
         workers: run pieces of a long recording elsewhere, such as on a cluster; None to run everything here.
         remember: called with the finished result before it replaces an earlier one; returns JSON values that are stored
             beside it.
     """
 
+    jobs: JobCount = 1
     workers: Workers | None = None
     remember: Callable[[Reconstruction], Mapping[str, Any]] = _nothing
 
@@ -112,7 +114,6 @@ def reconstruct_recording(
     overwrite: bool = False,
     progress: Progress | None = None,
     jobs: JobCount = 1,
-    execution: Execution | None = None,
 ) -> Outcome:
     """Reconstruct a recording and write every output into a folder.
 
@@ -132,7 +133,6 @@ def reconstruct_recording(
         progress: receives the progress.
         jobs: number of processes; "auto" uses the physical cores if the recording is long enough. The files do not
             depend on it.
-        execution: how a batch runs it.
 
     Returns:
         The files written, the findings of the recording check, and notes.
@@ -143,12 +143,49 @@ def reconstruct_recording(
         PosefuseError: if the recording cannot be read, reconstructed or written.
         KeyboardInterrupt: if the run is interrupted before the first chunk is finished.
     """
-    output, execution = Path(output), execution or Execution()
-    number_of_jobs(jobs, useful=1)
-    require_known_formats(also)
-    ensure_calibration(Path(recording), inputs or RecordingInputs(), progress)
-    request = _Request(Path(recording), options or Options(), inputs or RecordingInputs(), also, execution.workers)
-    mark = None if overwrite or not is_occupied(output) else find_earlier(output, [request.keys()])
+    request = Request(Path(recording), Path(output), options or Options(), inputs or RecordingInputs(), also, overwrite)
+    return carry_out(request, progress or Silent(), Execution(jobs))
+
+
+@dataclass(frozen=True)
+class Request:
+    """A reconstruction to carry out; the attributes are the arguments of :func:`reconstruct_recording`."""
+
+    folder: Path
+    output: Path
+    options: Options
+    inputs: RecordingInputs = field(default_factory=RecordingInputs)
+    also: tuple[str, ...] = ()
+    overwrite: bool = False
+
+    def digests(self) -> dict[str, str]:
+        """Return the digests of the inputs as they are now."""
+        return input_digests(self.folder, self.inputs, self.options)
+
+    def keys(self, workers: Workers | None, digests: Mapping[str, str] | None = None) -> RecordingKeys:
+        """Return the keys of the inputs as they are now, or of given digests, for workers elsewhere or None."""
+        window_s = None if workers is None else workers.window_s
+        digests = self.digests() if digests is None else digests
+        return recording_keys(digests, self.options, edits=self.inputs.edits, also=self.also, window_s=window_s)
+
+
+def carry_out(request: Request, progress: Progress, execution: Execution) -> Outcome:
+    """Carry out a request; see :func:`reconstruct_recording`.
+
+    Args:
+        request: what to reconstruct, and where to write it.
+        progress: receives the progress.
+        execution: how it runs.
+    """
+    number_of_jobs(execution.jobs, useful=1)
+    require_known_formats(request.also)
+    ensure_calibration(request.folder, request.inputs, progress)
+    output = request.output
+    mark = (
+        None
+        if request.overwrite or not is_occupied(output)
+        else find_earlier(output, [request.keys(execution.workers)])
+    )
     if mark is not None:
         return kept_outcome(output, mark)
     after = ExitStack()
@@ -156,14 +193,13 @@ def reconstruct_recording(
         _announce_checkpoint(output / CHECKPOINT_FOLDER),
         replacing_folder(output, MARK if (output / MARK).exists() else RESULT, after=after) as staging,
     ):
-        run = _Run(staging, output, request.options, request.inputs, also, progress or Silent(), jobs)
-        outcome, checkpoint = run.reconstruct(request.folder, execution.workers)
-        files, remarks = write_other_formats(staging, also)
+        outcome, checkpoint = _Run(staging, request, progress, execution).reconstruct()
+        files, remarks = write_other_formats(staging, request.also)
         outcome = replace(outcome, files=(*outcome.files, *files), remarks=(*outcome.remarks, *remarks))
         if not outcome.partial:
             outcome = replace(outcome, files=(*outcome.files, MARK))
             result = netcdf.read_reconstruction(staging / RESULT)
-            keys = _unchanged_keys(request, result, output)
+            keys = _unchanged_keys(request, result, execution.workers)
             remembered = execution.remember(result)
 
             @after.callback
@@ -176,36 +212,7 @@ def reconstruct_recording(
     return outcome
 
 
-@dataclass(frozen=True)
-class _Request:
-    """What the result depends on.
-
-    Attributes:
-        folder: folder of the recording.
-        options: options as requested.
-        inputs: paths of inputs.
-        also: further formats.
-        workers: run pieces elsewhere, or None.
-    """
-
-    folder: Path
-    options: Options
-    inputs: RecordingInputs
-    also: tuple[str, ...]
-    workers: Workers | None
-
-    def digests(self) -> dict[str, str]:
-        """Return the digests of the inputs as they are now."""
-        return input_digests(self.folder, self.inputs, self.options)
-
-    def keys(self, digests: Mapping[str, str] | None = None) -> RecordingKeys:
-        """Return the keys of the inputs as they are now, or of given digests."""
-        window_s = None if self.workers is None else self.workers.window_s
-        digests = self.digests() if digests is None else digests
-        return recording_keys(digests, self.options, edits=self.inputs.edits, also=self.also, window_s=window_s)
-
-
-def _unchanged_keys(request: _Request, result: Reconstruction, output: Path) -> RecordingKeys:
+def _unchanged_keys(request: Request, result: Reconstruction, workers: Workers | None) -> RecordingKeys:
     """Return the keys of a result.
 
     Raises:
@@ -215,9 +222,9 @@ def _unchanged_keys(request: _Request, result: Reconstruction, output: Path) -> 
     edits = request.inputs.edits
     now = {*digests.values(), *(() if edits is None else (digest_path(edits),))}
     if not set(result.provenance.inputs.values()) <= now:
-        remove_parts(output / CHECKPOINT_FOLDER)
+        remove_parts(request.output / CHECKPOINT_FOLDER)
         raise RecordingError(_CHANGED)
-    return request.keys(digests)
+    return request.keys(workers, digests)
 
 
 def kept_outcome(output: Path, mark: Mark) -> Outcome:
@@ -255,68 +262,60 @@ class _Run:
 
     Attributes:
         staging: folder to write into.
-        output: folder of the result, which holds the checkpoint.
-        options: options as requested.
-        inputs: paths of inputs.
-        also: other formats to write.
+        request: what to reconstruct.
         progress: receives the progress.
-        jobs: number of processes that the user asks for.
+        execution: how it runs.
     """
 
     staging: Path
-    output: Path
-    options: Options
-    inputs: RecordingInputs
-    also: tuple[str, ...]
+    request: Request
     progress: Progress
-    jobs: JobCount
+    execution: Execution
 
-    def reconstruct(self, folder: Path, workers: Workers | None) -> tuple[Outcome, CheckpointFolder | None]:
+    def reconstruct(self) -> tuple[Outcome, CheckpointFolder | None]:
         """Read, reconstruct and write a recording.
 
         Returns:
             The outcome, and the checkpoint to remove when the files are in place, if there is one.
         """
-        opened = open_recording(folder, self.inputs, self.options, self.progress, timed=True)
-        require_possible_formats(self.also, opened.rig, opened.detections, self.options)
-        edits = None if self.inputs.edits is None else Edits.read(self.inputs.edits)
-        options = self.options
+        request, options = self.request, self.request.options
+        opened = open_recording(request.folder, request.inputs, options, self.progress, timed=True)
+        require_possible_formats(request.also, opened.rig, opened.detections, options)
+        edits = None if request.inputs.edits is None else Edits.read(request.inputs.edits)
         if options.skeleton is not None:
             # The result stores the whole skeleton; the path of its file differs between machines.
             options = replace(options, skeleton=opened.detections.skeleton.name)
+        workers = self.execution.workers
         window_s = None if workers is None else workers.window_s
-        stored = open_checkpoint(self.output / CHECKPOINT_FOLDER, opened, options, self.progress, window_s)
+        stored = open_checkpoint(request.output / CHECKPOINT_FOLDER, opened, options, self.progress, window_s)
         checkpoint = None if opened.detections.n_frames <= options.chunk_frames and workers is None else stored
+        with Jobs(number_of_jobs(self.execution.jobs, useful_jobs(opened.detections))) as jobs:
+            make = partial(self._make, opened, options, checkpoint, jobs)
+            plan = _load_or_make(checkpoint, self.staging / RESULT, make)
+            return self._write(plan, edits, jobs), stored
+
+    def _write(self, plan: Plan | None, edits: Edits | None, jobs: Jobs) -> Outcome:
+        """Apply edits to ``reconstruction.nc``, and write the other files."""
         path = self.staging / RESULT
-        with Jobs(number_of_jobs(self.jobs, useful_jobs(opened.detections))) as jobs:
-            make = partial(self._make, opened, options, path, checkpoint, workers, jobs)
-            plan = _load_or_make(checkpoint, path, make)
-            if edits is not None:
-                unedited = path.rename(self.staging / "unedited.nc")
-                write_edited(netcdf.read_reconstruction(unedited), edits, path)
-                unedited.unlink()
-            result = netcdf.read_reconstruction(path)
-            written = write_outputs(result, self.staging, self.progress, folder.resolve().name, jobs)
+        if edits is not None:
+            unedited = path.rename(self.staging / "unedited.nc")
+            write_edited(netcdf.read_reconstruction(unedited), edits, path)
+            unedited.unlink()
+        result = netcdf.read_reconstruction(path)
+        name = self.request.folder.resolve().name
+        written = write_outputs(result, self.staging, self.progress, name, jobs)
         debug = () if plan is None else write_debug_figures(plan, result, self.staging, self.progress)
         files = (RESULT, *written.files, *debug)
-        notes, rest = result.provenance.notes, _partial_remark(result)
-        outcome = Outcome(
-            self.output, files, written.layer, result.findings, notes, written.remarks, rest, written.gait
-        )
-        return outcome, stored
+        notes, partial_remark = result.provenance.notes, _partial_remark(result)
+        return Outcome(
+            self.request.output, files, written.layer, result.findings, notes, written.remarks, partial_remark,
+            written.gait,
+        )  # fmt: skip
 
-    def _make(
-        self,
-        opened: OpenedRecording,
-        options: Options,
-        path: Path,
-        checkpoint: CheckpointFolder | None,
-        workers: Workers | None,
-        jobs: Jobs,
-    ) -> Plan:
+    def _make(self, opened: OpenedRecording, options: Options, checkpoint: CheckpointFolder | None, jobs: Jobs) -> Plan:
         """Write ``reconstruction.nc`` and return its plan."""
         recording, parts = (opened.rig, opened.detections, options), checkpoint or NO_CHECKPOINT
-        runner = None
+        path, workers, runner = self.staging / RESULT, self.execution.workers, None
         if workers is not None:
             assert checkpoint is not None
             runner = PieceRunner(checkpoint, workers)
@@ -324,7 +323,7 @@ class _Run:
         else:
             plan = prepare(*recording, self.progress, parts, jobs=jobs)
         plan = replace(plan, provenance=replace(plan.provenance, inputs=opened.digests))
-        findings = check_recording(plan, jobs)
+        findings = begin_check(plan, jobs)
         plan = replace(with_layer_scores(plan, jobs), findings=findings())
         if runner is not None:
             netcdf.write(reconstruct_distributed(plan, runner, self.progress), path)

@@ -136,7 +136,7 @@ def test_windows_do_not_change_a_number(moving, monkeypatch):
 def test_the_default_writes_a_table_for_people_only(moving, truth):
     tables = body_tables(moving)
     assert MASSES_FILE not in tables
-    parts = list(tables[CENTERS_FILE])
+    parts = list(tables[CENTERS_FILE](moving))
     assert [len(part["frame"]) for part in parts] == [512, 88]
     assert list(parts[0]) == [
         "frame", "time_s", "person", "x_m", "y_m", "z_m", "x_sd_m", "y_sd_m", "z_sd_m", "vx_m_s", "vy_m_s", "vz_m_s",
@@ -144,9 +144,10 @@ def test_the_default_writes_a_table_for_people_only(moving, truth):
     ]  # fmt: skip
     assert np.concatenate([part["frame"] for part in parts]).tolist() == moving.frame_numbers.tolist()
     assert CENTERS_FILE not in body_tables(with_subject(truth, mass_table="none"))
-    masses = next(iter(body_tables(with_subject(truth, mass_kg=60.0))[MASSES_FILE]))
+    known = with_subject(truth, mass_kg=60.0)
+    masses = next(iter(body_tables(known)[MASSES_FILE](known)))
     assert masses["mass_kg"].sum() == pytest.approx(60.0)
-    assert "known_mass_kg" in next(iter(body_tables(with_subject(truth, mass_kg=60.0))[CENTERS_FILE]))
+    assert "known_mass_kg" in next(iter(body_tables(known)[CENTERS_FILE](known)))
 
 
 def test_animals_have_no_center_of_mass(truth):

@@ -31,15 +31,16 @@ def scene():
 def test_points_do_not_depend_on_the_detections_of_the_view_left_out(scene):
     plan = plan_of(scene.rig, scene.detections)
     bodies = Bodies.of(plan.bodies, plan.options)
-    span = sample_spans(plan, 4)[0]
-    whole, tracks = plan.detections.frames(span.first, span.last), plan.subjects.tracks(span.first, span.last)
-    other = np.array(whole.keypoints_px)
-    view_of = np.repeat(np.tile(np.arange(whole.n_views), whole.n_frames), np.diff(whole.offsets))
+    other = np.array(plan.detections.keypoints_px)
+    view_of = np.repeat(
+        np.tile(np.arange(plan.detections.n_views), plan.detections.n_frames), plan.detections.people_counts.ravel()
+    )
     other[view_of == 1] += 200.0
-    moved = replace(whole, keypoints_px=other)
+    moved = replace(plan, detections=replace(plan.detections, keypoints_px=other))
+    pieces = [list(left_out_views._pieces(each, bodies)) for each in (plan, moved)]
     for view, same in ((1, True), (2, False)):
         before, after = (
-            left_out_views._points_without(plan, bodies, span, each, tracks, view)[0] for each in (whole, moved)
+            left_out_views._points_without(next(each for each in of_plan if each.view == view))[0] for of_plan in pieces
         )
         assert list(before) == ["measured", "solved", "model"]
         for name in before:

@@ -1,7 +1,6 @@
 """The solved layer in ranges, for every kind of recording."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -14,11 +13,10 @@ from posefuse.model.options.postprocess import ButterworthOptions, PostprocessOp
 from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus, Source, is_used
-from posefuse.model.tracks import TrackState
 from posefuse.pipeline.defaults import RecordingFacts, resolve_solve
 from posefuse.pipeline.measured_layer import measure, reconstruct_chunks
 from posefuse.pipeline.reconstruct import prepare
-from posefuse.pipeline.solved_layer import frame_windows, training_spans
+from posefuse.pipeline.solved_layer import frame_windows
 from posefuse.progress import Silent
 from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
@@ -226,14 +224,3 @@ def test_trajectory_needs_times_and_two_cameras(scene):
     assert resolve_solve(Options(), RecordingFacts.of(timeless), 3).solve == "frame"
     with pytest.raises(OptionsError, match="two cameras"):
         resolve_solve(Options(solve="trajectory"), RecordingFacts.of(scene.detections), 1)
-
-
-def test_training_spans_cover_every_person():
-    state = np.zeros((5000, 2), dtype=np.int8)
-    state[:, 0] = TrackState.ACTIVE
-    state[2100:2150, 1] = TrackState.ACTIVE
-    spans = training_spans(state)
-    assert all(0 <= start < stop <= 5000 for start, stop in spans)
-    assert all(before[1] <= after[0] for before, after in pairwise(spans))
-    assert any(start <= 2125 < stop for start, stop in spans)
-    assert training_spans(state[:90, :1]) == [(0, 90)]

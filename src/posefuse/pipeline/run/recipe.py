@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from posefuse.model.options.options import Options
 from posefuse.model.options.run import RunOptions
 from posefuse.model.options.sync import SyncOptions
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.parallel import JobCount, number_of_jobs
 from posefuse.pipeline.contact_sheet import write_contact_sheet
 from posefuse.pipeline.detect import DetectionOutcome, Given, detect_videos
 from posefuse.pipeline.fingerprints import RESULT as RECONSTRUCTION
@@ -76,17 +78,20 @@ class RunOutcome:
 
 @dataclass(frozen=True)
 class Watcher:
-    """Receives what a run does, as it does it.
+    """Receives what a run does, as it does it, and says how many processes it may use.
 
     Attributes:
         planned: called with the plan before any work is done.
         finished: called after each stage with its name and the outcome so far.
         progress: receives the progress.
+        jobs: number of processes of the reconstruction, see :func:`reconstruct_recording`, and of detectors and threads
+            that search boards, unless their options name another. No file depends on it.
     """
 
     planned: Callable[[RunPlan], None] = lambda _: None
     finished: Callable[[str, RunOutcome], None] = lambda _, __: None
     progress: Progress = field(default_factory=Silent)
+    jobs: JobCount = 1
 
 
 @checked
@@ -116,18 +121,20 @@ def run(
         detector: a function of one image, as in :func:`detect`; by default that of the options.
         skeleton: skeleton of the keypoints that a function returns.
         also: further formats of the result, see ``posefuse formats``.
-        watcher: receives the plan and the progress.
+        watcher: receives the plan and the progress, and holds the number of processes.
 
     Returns:
         What was done in each stage.
 
     Raises:
+        OptionsError: if ``jobs`` is less than 1.
         FileError: if the output contains other files.
         RecordingError: if something is missing; one message names all of it, and what to do.
         PosefuseError: if a stage fails; the stages before it are kept.
     """
     watcher = watcher or Watcher()
     output = Path(output)
+    number_of_jobs(watcher.jobs, useful=1)
     check_folder_marker(output, RUN_FILE)
     plan = plan_run(folder, run, options, detector=detector, skeleton=skeleton)
     if plan.is_empty:
@@ -143,7 +150,17 @@ def run(
         state.write()
         with replacing(output / PROJECT_FILE) as temporary:
             temporary.write_text(project_to_toml(plan.choices, plan.options), "utf-8")
-        return _Run(plan, RunOutcome(output, plan), state, watcher).all(also)
+        return _Run(_with_jobs(plan, watcher.jobs), RunOutcome(output, plan), state, watcher).all(also)
+
+
+def _with_jobs(plan: RunPlan, jobs: JobCount) -> RunPlan:
+    """Return the plan with a number of detectors and threads, where its options name none."""
+    if jobs == "auto":
+        return plan
+    run = plan.choices
+    detect = replace(run.detect, jobs=run.detect.jobs or jobs)
+    by_board = replace(run.by_board, jobs=run.by_board.jobs or jobs)
+    return replace(plan, choices=replace(run, detect=detect, by_board=by_board))
 
 
 @checked
@@ -281,11 +298,14 @@ class _Run:
         """Return the outcome of the reconstruction."""
         plan = self.plan
         options = plan.options if sync.does_nothing else replace(plan.options, sync=sync)
-        call = (plan.session.folder, self.output / RESULT, options)
+        call = partial(
+            reconstruct_recording, plan.session.folder, self.output / RESULT, options,
+            inputs=inputs, also=also, progress=self.progress, jobs=self.watcher.jobs,
+        )  # fmt: skip
         try:
-            return reconstruct_recording(*call, inputs=inputs, also=also, progress=self.progress)
+            return call()
         except OutputExistsError:
-            return reconstruct_recording(*call, inputs=inputs, also=also, overwrite=True, progress=self.progress)
+            return call(overwrite=True)
 
     def _report(self) -> None:
         """Write the report with the videos."""

@@ -7,7 +7,7 @@ import pytest
 
 import posefuse
 from posefuse.errors import ResultError
-from posefuse.io.results.figures import write_figures
+from posefuse.io.results.figures import has_figures, write_figure
 from tests.figures import model_layer, places, posed
 
 SKELETONS = ["body_20", "coco_17", "coco_wholebody_133", "mouse_22", "fly_38"]
@@ -25,7 +25,7 @@ class TestWhatCannotBeWritten:
         with pytest.raises(ResultError, match="this result has none.*`bodies='fit'`"):
             posefuse.write(bare, tmp_path / f"a.{end}")
         assert list(tmp_path.iterdir()) == []
-        assert write_figures(bare, bare.person_ids, tmp_path) == ([], [])
+        assert not has_figures(bare)
 
     @pytest.mark.parametrize("end", ["bvh", "glb", "gltf"])
     def test_absent_person_is_refused(self, end, tmp_path):
@@ -56,9 +56,11 @@ class TestWhatCannotBeWritten:
         turns[:, 1], points[:, 1] = np.nan, np.nan
         layers = {"model": model_layer(points)}
         gone = replace(result, poses=replace(result.poses, turns=turns), layers=layers)
-        files, notes = write_figures(gone, gone.person_ids, tmp_path)
-        assert files == ["person_1.bvh", "person_1.glb"]
-        assert notes == ["person_2 is absent in all frames: no BVH or glTF was written for person_2."]
+        assert has_figures(gone)
+        assert write_figure("person_1", "a", gone, tmp_path) == (["a.bvh", "a.glb"], [])
+        why = "person_2 is absent in all frames: no BVH or glTF was written for person_2."
+        assert write_figure("person_2", "b", gone, tmp_path) == ([], [why])
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["a.bvh", "a.glb"]
 
 
 def test_helper_kinematics_of_the_rest_pose_match_hand_computed_values(tmp_path):
