@@ -17,6 +17,26 @@ from tests.filmed_people import filmed_person
 
 SIZE_PX = (320, 180)
 _BITS, _BLOCK_PX = 16, 20
+_WORKER = """
+import numpy as np
+
+_KNOWN = np.load({!r})
+
+
+class Detector:
+    skeleton = {!r}
+    version = "1"
+
+    def __init__(self, settings):
+        pass
+
+    def detect(self, images):
+        results = []
+        for image in images:
+            bits = [int(np.median(image[5:15, 20 * b + 5 : 20 * b + 15]) > 128) << b for b in range(16)]
+            results.append(_KNOWN["arr_%d" % (sum(bits) >> 12)][sum(bits) & 0xFFF])
+        return results
+"""
 
 
 def small_rig(n: int = 4) -> CameraRig:
@@ -40,11 +60,20 @@ class FilmedPerson:
         rig: the true cameras.
         skeleton: skeleton of the detector.
         detector: function of an image that returns its keypoints.
+        keypoints: keypoints of each view, shape (frame, person, keypoint, 3): x, y and confidence.
     """
 
     rig: CameraRig
     skeleton: Skeleton
     detector: Callable[[np.ndarray], np.ndarray]
+    keypoints: list[np.ndarray]
+
+    def worker_file(self, folder: Path) -> Path:
+        """Write the detector as a worker file, with its keypoints beside it."""
+        np.savez(folder / "known.npz", *self.keypoints)
+        path = folder / "coded.py"
+        path.write_text(_WORKER.format(str(folder / "known.npz"), self.skeleton.name))
+        return path
 
 
 def film_person(
@@ -74,7 +103,7 @@ def film_person(
         v, frame = code_of(image)
         return keypoints[v][frame]
 
-    return FilmedPerson(rig, people.skeleton, detector)
+    return FilmedPerson(rig, people.skeleton, detector, keypoints)
 
 
 def coded_image(view: int, frame: int) -> np.ndarray:

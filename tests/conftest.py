@@ -1,6 +1,7 @@
 """Fixtures of all tests."""
 
 import os
+import uuid
 from pathlib import Path
 
 import numpy as np
@@ -59,3 +60,23 @@ def _quiet_without_the_compiler():
         return
     with np.errstate(all="ignore"):
         yield
+
+
+@pytest.fixture(scope="session")
+def s3(tmp_path_factory):
+    """A local S3 server whose address and credentials are in the environment; the path of its log of requests."""
+    for name in ("s3fs", "moto"):
+        pytest.importorskip(name, reason=f"{name} is not installed (extra cloud, group dev)")
+    from tests.object_stores import CREDENTIALS, environment, s3_server
+
+    log = tmp_path_factory.mktemp("s3") / "requests.log"
+    with s3_server(log) as address, environment(AWS_ENDPOINT_URL=address, **CREDENTIALS):
+        yield log
+
+
+@pytest.fixture
+def bucket(s3):
+    """The URL of a new bucket."""
+    from tests.object_stores import make_bucket
+
+    return make_bucket(f"bucket-{uuid.uuid4().hex}")

@@ -4,7 +4,8 @@
 
     PosefuseError
     ├── FileError          a file or folder is missing, truncated, or does not match its format
-    │   └── OutputExistsError  an output exists, and the caller does not ask to replace it
+    │   ├── OutputExistsError  an output exists, and the caller does not ask to replace it
+    │   └── StoreError         an object store does not answer, or denies access
     ├── RecordingError     a folder holds no recording, or several
     ├── CameraError        a camera or rig is invalid
     ├── DetectionsError    2D keypoints are invalid
@@ -42,6 +43,18 @@ class FileError(PosefuseError):
 
 class OutputExistsError(FileError):
     """An output exists, and the caller does not ask to replace it."""
+
+
+class StoreError(FileError):
+    """An object store does not answer, or denies access.
+
+    Attributes:
+        transient: whether the same request may succeed later.
+    """
+
+    def __init__(self, message: str, *, transient: bool = False) -> None:
+        super().__init__(message)
+        self.transient = transient
 
 
 class RecordingError(PosefuseError):

@@ -233,8 +233,8 @@ def test_cluster_gives_the_same_results_if_a_worker_dies(run, tmp_path, monkeypa
 
         usual = module.on_cluster
 
-        def killing(work, jobs, address, divided):
-            for i, outcome in enumerate(usual(work, jobs, address, divided)):
+        def killing(work, jobs, scheduler, divided, **more):
+            for i, outcome in enumerate(usual(work, jobs, scheduler, divided, **more)):
                 if i == 1:
                     os.kill(next(iter(cluster.workers.values())).pid, signal.SIGKILL)
                 yield outcome
@@ -261,7 +261,7 @@ def test_divided_recording_gives_the_same_result_if_a_worker_dies(run, tmp_path,
     scene = simulate_crowd(CrowdOptions("crowd", people=2, cameras=4, duration_s=12.0, seed=3))
     anipose.write(scene.rig, long / "calibration.toml")
     native.write(scene.detections, long / "keypoints.nc")
-    expected = ("--people", "auto", "--tracker.forget-after-s", "0.5", "--noise-scale-px", "14", *FAST)
+    expected = ("--people", "auto", "--tracker.terminate-after-s", "0.5", "--noise-scale-px", "14", *FAST)
     assert run("batch", *folders, long, "-o", tmp_path / "here", "--jobs", "1", *expected)[0] == 0
     from posefuse.batch import cluster as module
 
@@ -271,7 +271,7 @@ def test_divided_recording_gives_the_same_result_if_a_worker_dies(run, tmp_path,
             n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
         ) as cluster:
 
-            def killing(work, jobs, address, divided, cluster=cluster, dies=dies):
+            def killing(work, jobs, scheduler, divided, *, cluster=cluster, dies=dies, **more):
                 def kills(job, do):
                     def rounds(piece_work, pieces):
                         if dies and piece_work.__name__ == "track_piece":
@@ -281,7 +281,7 @@ def test_divided_recording_gives_the_same_result_if_a_worker_dies(run, tmp_path,
 
                     return divided(job, rounds)
 
-                return usual(work, jobs, address, kills)
+                return usual(work, jobs, scheduler, kills, **more)
 
             monkeypatch.setattr(module, "on_cluster", killing)
             other = ("--scheduler", cluster.scheduler_address, "--window-s", "4", *expected)
@@ -313,6 +313,17 @@ def test_divided_recording_gives_the_same_result_if_a_worker_dies(run, tmp_path,
         (("x", "--jobs", "0"), 2, "--jobs must be at least 1"),
         (("x", "--jobs", "2", "--scheduler", "tcp://x"), 2, "--jobs applies only to this machine"),
         (("x", "--calibration", "nowhere.toml"), 1, "No calibration at nowhere.toml"),
+        (("x", "--calibration", "people"), 2, "--calibration people needs --from-videos"),
+        (
+            ("x", "--detector", "mediapipe", "--max-offset-s", "1"),
+            2,
+            "Only --from-videos takes --max-offset-s, --detect",
+        ),
+        (("x", "--from-videos", "--again"), 2, "--again does not apply to --from-videos"),
+        (("x", "--workers", "0..4"), 2, "--workers needs --scheduler local"),
+        (("x", "--workers", "4", "--scheduler", "tcp://x"), 2, "The scheduler at tcp://x has workers already"),
+        (("x", "--workers", "no", "--scheduler", "local"), 2, "--workers must be a number such as 4"),
+        (("x", "--retries", "-1"), 2, "--retries must be at least 0"),
     ],
 )
 def test_invalid_arguments_are_reported(run, tmp_path, more, code, message):

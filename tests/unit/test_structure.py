@@ -25,7 +25,8 @@ WITHOUT_SOURCE = {
 """Tests without a source file of their name, with the reason."""
 
 TESTED_ELSEWHERE = {
-    "integration/test_batch_command.py": ("batch/work.py",),
+    "integration/test_batch_command.py": ("batch/overview.py", "batch/recipes.py", "batch/work.py"),
+    "integration/test_batch_on_object_stores.py": ("batch/staging.py",),
     "integration/test_calibrate_by_people.py": (
         "calibration/scene/origin.py",
         "pipeline/place_calibration.py",

@@ -18,7 +18,7 @@ def calibrate_jobs(jobs: Sequence[Job], board: str | None, progress: Progress) -
     The first recording of a session writes the calibration that the others find.
 
     Args:
-        jobs: the jobs of a batch.
+        jobs: the jobs of a batch; those of local recordings count that are reconstructed from 2D keypoints.
         board: description of the board, or its file; None to use those beside the images.
         progress: receives the progress.
 
@@ -28,10 +28,14 @@ def calibrate_jobs(jobs: Sequence[Job], board: str | None, progress: Progress) -
     out: list[JobResult] = []
     reasons: dict[Path | None, str] = {}
     for job in jobs:
+        # A run from videos calibrates by itself, and so does a worker that has a copy of a recording.
+        if job.run is not None or isinstance(job.folder, str):
+            continue
         images = find_board_folder(job.folder)
         if images not in reasons:
             try:
-                ensure_calibration(job.folder, RecordingInputs(job.calibration, board=board), progress)
+                given = None if job.calibration is None else Path(job.calibration)
+                ensure_calibration(job.folder, RecordingInputs(given, board=board), progress)
                 continue
             except PosefuseError as error:
                 reasons[images] = str(error)

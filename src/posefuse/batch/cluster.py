@@ -1,63 +1,77 @@
 """Run jobs on a Dask cluster: one task per recording, long recordings in pieces."""
 
+import warnings
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
+from typing import Any
 
-from posefuse.errors import StreamError
+from posefuse.batch.attempts import Attempts
+from posefuse.batch.schedulers import Scheduler, connected
+from posefuse.batch.stored_result import RunTasks
+from posefuse.errors import PosefuseWarning
 from posefuse.model.batch import Job, JobResult
-from posefuse.pipeline.distributed import RunPieces
-
-_CONNECT_S = 20
-_RETRIES = 3
+from posefuse.parallel import logical_cores
 
 
 def on_cluster(
     work: Callable[[Job], JobResult | None],
     jobs: Sequence[Job],
-    address: str,
-    divided: Callable[[Job, RunPieces], JobResult] | None = None,
+    scheduler: Scheduler,
+    divided: Callable[[Job, RunTasks], JobResult] | None = None,
+    *,
+    retries: int = 2,
 ) -> Iterator[JobResult]:
     """Run all jobs on a cluster, and return their results in the order in which they finish.
 
-    Workers must see the recordings and the output under the same paths and have the same posefuse installed. Tasks of a
-    worker that dies run elsewhere. Long recordings are assembled in this process, one after the other, while workers
-    run the rest.
+    Local recordings and outputs must be on a file system that workers see under the same paths; those on object stores
+    need not. Workers have the same posefuse installed, and may come and go: tasks of a worker that dies run elsewhere.
+    Long recordings are assembled in this process, one after the other, while workers run the rest.
 
     Args:
         work: runs a job on a worker and returns None for a recording that is to be divided; importable by name.
         jobs: jobs to run.
-        address: address of the scheduler.
+        scheduler: the cluster.
         divided: runs a long job in this process, with a function that runs its pieces.
+        retries: how often a job is run again that fails for a reason outside of its recording.
 
     Raises:
-        StreamError: if Dask is not installed, or no scheduler answers at the address.
+        StreamError: if Dask is not installed, the cluster cannot be started, or no scheduler answers at the address.
     """
-    try:
-        from distributed import Client, as_completed
-    except ImportError:
-        raise StreamError(
-            f"`scheduler={address!r}` needs Dask, which is not installed. Install it: pip install 'posefuse[cluster]'."
-        ) from None
-    try:
-        client = Client(address, timeout=_CONNECT_S)
-    except (OSError, ValueError) as error:
-        raise StreamError(
-            f"No Dask scheduler answers at {address}: {error}. Start one (dask scheduler), or remove `scheduler`."
-        ) from None
+    with connected(scheduler, min(logical_cores(), max(len(jobs), 1))) as client:
+        from distributed import as_completed
 
-    def run_pieces(piece_work: Callable[[Path], None], pieces: Sequence[Path]) -> None:
-        client.gather(client.map(piece_work, pieces, pure=False, retries=_RETRIES))
+        if not scheduler.is_started_here and not client.scheduler_info(n_workers=-1)["workers"]:
+            warnings.warn(
+                f"The scheduler at {scheduler.name} has no workers. The batch waits for them (dask worker "
+                f"{scheduler.name}, or an adaptive cluster).", PosefuseWarning, stacklevel=2,
+            )  # fmt: skip
 
-    with client:
-        futures = {client.submit(work, job, pure=False, retries=_RETRIES): job for job in jobs}
-        for future in as_completed(list(futures)):
-            job = futures[future]
-            try:
-                result = future.result()
-            except Exception as error:
-                why = f"The cluster failed: {type(error).__name__}: {' '.join(str(error).split())[:200]}"
-                result = JobResult(job.name, "failed", why)
+        def run_tasks(task: Callable[[Any], None], values: Sequence[Any]) -> None:
+            client.gather(client.map(task, values, pure=False, retries=retries))
+
+        attempts = Attempts(retries)
+        waiting = {client.submit(work, job, pure=False): job for job in jobs}
+        completed = as_completed(list(waiting))
+        for future in completed:
+            job = waiting.pop(future)
+            result = _result_of(future, job)
             if result is None:
                 assert divided is not None
-                result = divided(job, run_pieces)
-            yield result
+                result = divided(job, run_tasks)
+                # A divided job that is run again begins with the parts that are finished.
+                while attempts.again(result):
+                    result = divided(job, run_tasks)
+            elif attempts.again(result):
+                future = client.submit(work, job, pure=False)
+                waiting[future] = job
+                completed.add(future)
+                continue
+            yield attempts.described(result)
+
+
+def _result_of(future: Any, job: Job) -> JobResult | None:
+    """Return the result of a task, or a failed one if its workers died."""
+    try:
+        return future.result()
+    except Exception as error:
+        why = f"The cluster failed: {type(error).__name__}: {' '.join(str(error).split())[:200]}"
+        return JobResult(job.name, "failed", why, transient=True)

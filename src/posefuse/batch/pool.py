@@ -10,11 +10,11 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from typing import Any
 
+from posefuse.batch.attempts import Attempts
 from posefuse.model.batch import Job, JobResult
 from posefuse.parallel import one_thread_each
 
 Work = Callable[[Job], JobResult]
-_TRIES = 2
 
 
 @dataclass
@@ -24,18 +24,18 @@ class _Worker:
     job: Job | None = None
 
 
-def in_processes(work: Work, jobs: Sequence[Job], n: int) -> Iterator[JobResult]:
+def in_processes(work: Work, jobs: Sequence[Job], n: int, retries: int = 1) -> Iterator[JobResult]:
     """Run all jobs, ``n`` at a time, and return their results in the order in which they finish.
 
-    A job whose process dies is tried once more, in a new process.
+    A job whose process dies, or that fails for a reason outside of its recording, is run again, after the others.
 
     Args:
         work: runs a job in another process; importable by name.
         jobs: jobs to run.
         n: number of processes.
+        retries: how often a job is run again.
     """
-    waiting = deque(jobs)
-    tries = {job.name: 0 for job in jobs}
+    waiting, attempts = deque(jobs), Attempts(retries)
     workers = [_start(work) for _ in range(min(n, len(jobs)))]
     try:
         while waiting or any(worker.job for worker in workers):
@@ -48,14 +48,12 @@ def in_processes(work: Work, jobs: Sequence[Job], n: int) -> Iterator[JobResult]
                 if worker.pipe in ended or worker.process.sentinel in ended:
                     job, result = worker.job, _receive(worker)
                     assert job is not None
-                    tries[job.name] += 1
                     worker.job = None
-                    if result is not None:
-                        yield result
-                    elif tries[job.name] < _TRIES:
+                    result = result or JobResult(job.name, "failed", _death(worker.process), transient=True)
+                    if attempts.again(result):
                         waiting.append(job)
                     else:
-                        yield JobResult(job.name, "failed", _death(worker.process))
+                        yield attempts.described(result)
     finally:
         _stop(workers)
 
@@ -95,7 +93,7 @@ def _death(process: SpawnProcess) -> str:
     code = process.exitcode or 0
     how = f"by {signal.Signals(-code).name}" if code < 0 else f"with code {code}"
     hint = " It may have run out of memory; `jobs=1` runs one recording at a time." if code == -signal.SIGKILL else ""
-    return f"Its process ended {how}, {_TRIES} times.{hint}"
+    return f"Its process ended {how}.{hint}"
 
 
 def _stop(workers: list[_Worker]) -> None:

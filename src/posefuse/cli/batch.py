@@ -3,20 +3,25 @@
 import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields, replace
 from itertools import chain
-from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 
 from posefuse.cli.console import Bars, count, percent, print_problem, say, table, warn
 from posefuse.cli.findings import CERTAIN_FAULT, AcceptFindings
-from posefuse.cli.types import BoardSpec, OptionFlags, Output
+from posefuse.cli.help import RECONSTRUCTION_GROUP
+from posefuse.cli.run import Shortcuts
 from posefuse.errors import OptionsError, choices
 from posefuse.model.batch import Job, JobResult, JobTreatment
 from posefuse.model.options.options import Options
+from posefuse.model.options.run import RunInputs, RunOptions
 
+if TYPE_CHECKING:
+    from posefuse.batch.schedulers import Scheduler
+
+_VIDEOS_GROUP = "Calibration, and options with --from-videos"
 _INTERRUPTED = "The batch was interrupted before this recording."
 
 
@@ -34,29 +39,67 @@ class _Treatment:
 
 
 @dataclass(frozen=True)
-class _Cameras:
-    """Flags of the calibration."""
+class _Where:
+    """Flags of the processes or machines that do the work."""
 
-    calibration: Annotated[
-        Path | None, Parameter(help="Calibration of all recordings; by default the one in each recording.")
-    ] = None
-    board: BoardSpec = None
-
-
-def batch(
-    *folders: Annotated[Path, Parameter(help="Folders of the recordings.")],
-    output: Output,
-    cameras: Annotated[_Cameras, Parameter(name="*")] = _Cameras(),
-    jobs: Annotated[int | None, Parameter(help="Number of processes; by default one per processor.")] = None,
+    jobs: Annotated[int | None, Parameter(help="Number of processes; by default one per processor.")] = None
     scheduler: Annotated[
-        str | None, Parameter(help="Run on the Dask cluster of this scheduler, such as tcp://host:8786.")
-    ] = None,
+        str | None,
+        Parameter(
+            help="Run on a Dask cluster: the address of a scheduler such as tcp://host:8786, local, or a class of "
+            "clusters such as dask_jobqueue.SLURMCluster."
+        ),
+    ] = None
+    workers: Annotated[
+        str | None,
+        Parameter(help="Workers of a cluster that is started for the batch: 4, or 0..16 for an adaptive one."),
+    ] = None
+    retries: Annotated[
+        int,
+        Parameter(help="Times that a recording is run again after a lost worker or another failure outside of it."),
+    ] = 2
     window_s: Annotated[
         float,
         Parameter(help="On a cluster, divide recordings of at least two windows of this length, in seconds."),
-    ] = 300.0,
+    ] = 300.0
+
+    def check(self) -> "Scheduler | None":
+        """Return the cluster, or None if the work is done by processes of this machine.
+
+        Raises:
+            OptionsError: if the flags contradict each other.
+        """
+        from posefuse.batch.schedulers import Scheduler, WorkerCount
+
+        if self.jobs is not None and self.jobs < 1:
+            raise OptionsError(f"--jobs must be at least 1, got {self.jobs}.")
+        if self.retries < 0:
+            raise OptionsError(f"--retries must be at least 0, got {self.retries}.")
+        if not self.window_s > 0:
+            raise OptionsError(f"--window-s must be more than 0, got {self.window_s}.")
+        if self.scheduler is None:
+            if self.workers is not None:
+                raise OptionsError("--workers needs --scheduler local, or --scheduler with a class of clusters.")
+            return None
+        if self.jobs is not None:
+            raise OptionsError(
+                "--jobs applies only to this machine; on a cluster (--scheduler), the number of workers determines "
+                "the number of jobs. Remove --jobs."
+            )
+        return Scheduler(self.scheduler, None if self.workers is None else WorkerCount.of(self.workers))
+
+
+def batch(
+    *folders: Annotated[str, Parameter(help="Folders of the recordings, or URLs such as s3://bucket/recordings/*.")],
+    output: Annotated[str, Parameter(name=["--output", "-o"], help="Folder for the results, or its URL.")],
+    from_videos: Annotated[
+        bool, Parameter(negative="", help="Process each recording from its videos, as posefuse run does.")
+    ] = False,
+    where: Annotated[_Where, Parameter(name="*")] = _Where(),
     flags: Annotated[_Treatment, Parameter(name="*")] = _Treatment(),
-    options: OptionFlags = Options(),  # noqa: B008
+    shortcuts: Annotated[Shortcuts, Parameter(name="*", group=Group(_VIDEOS_GROUP, sort_key=1))] = Shortcuts(),  # noqa: B008
+    run: Annotated[RunOptions, Parameter(name="*", group=Group(_VIDEOS_GROUP, sort_key=1))] = RunOptions(),  # noqa: B008
+    options: Annotated[Options, Parameter(name="*", group=Group(RECONSTRUCTION_GROUP, sort_key=2))] = Options(),  # noqa: B008
 ) -> None:
     """Reconstruct many recordings side by side, each as posefuse reconstruct does, into a folder of its own.
 
@@ -64,35 +107,34 @@ def batch(
     changed: inputs, options or version; --overwrite lets it replace the results of changed recordings. Writes batch.csv
     and batch.html.
 
+    --from-videos does what posefuse run does instead, and repeats the stages whose inputs or options changed.
+    Recordings and results on object stores (s3://, gs://) are copied to the workers and back.
+
     The exit code is 1 if a recording failed, else 3 if the recording check is certain that a result is wrong, else 0.
     --accept-findings accepts such results.
     """
-    from posefuse.batch.calibrations import calibrate_jobs
-    from posefuse.batch.jobs import jobs_of
+    from posefuse.batch.jobs import checked_calibration, jobs_of, place_of, places_of, resolved_run
+    from posefuse.batch.overview import check_overview, exclusive_output, write_overview
     from posefuse.batch.work import with_earlier_result
-    from posefuse.io.files import must_exist
-    from posefuse.io.folder_locks import exclusive_folder
 
-    if jobs is not None and jobs < 1:
-        raise OptionsError(f"--jobs must be at least 1, got {jobs}.")
-    if not window_s > 0:
-        raise OptionsError(f"--window-s must be more than 0, got {window_s}.")
-    if cameras.calibration is not None:
-        must_exist(cameras.calibration, "calibration")
-    if output.exists() and not output.is_dir():
-        raise OptionsError(f"--output {output} is a file. Specify a folder.")
-    window = None if scheduler is None else window_s
-    treatment = JobTreatment(**asdict(flags))
-    todo = jobs_of(folders, output, cameras.calibration, options, treatment, window_s=window)
-    _check_overview(output, todo, flags.overwrite)
-    output.mkdir(parents=True, exist_ok=True)
-    with exclusive_folder(output, output):
-        uncalibrated = calibrate_jobs(todo, cameras.board, Bars())
-        found, interrupted = _collect(todo, _run(todo, uncalibrated, jobs, scheduler))
+    scheduler = where.check()
+    run = replace(shortcuts.applied_to(run), inputs=RunInputs())
+    calibration = None if from_videos else checked_calibration(run.calibration_file)
+    _check_recipe(from_videos, run, flags)
+    place, recordings = place_of(output), places_of(folders)
+    todo = jobs_of(
+        recordings, place, calibration, options, JobTreatment(**asdict(flags)),
+        window_s=None if scheduler is None else where.window_s,
+        run=resolved_run(run, recordings) if from_videos else None,
+    )  # fmt: skip
+    check_overview(place, todo, overwrite=flags.overwrite)
+    with exclusive_output(place):
+        ready, uncalibrated = _calibrated(todo, None if from_videos else run.board)
+        found, interrupted = _collect(todo, chain(uncalibrated, _run(ready, where, scheduler)))
         missing = {job.name: JobResult(job.name, "not done", _INTERRUPTED) for job in todo if job.name not in found}
         by_name = found | missing
         results = [with_earlier_result(job, by_name[job.name]) for job in todo]
-        _write(results, output)
+        write_overview(results, place)
     _report(results, output)
     if interrupted:
         warn("Interrupted. Finished results are kept; run the same command again for the rest.")
@@ -103,19 +145,53 @@ def batch(
         sys.exit(CERTAIN_FAULT)
 
 
-def _check_overview(output: Path, todo: Sequence[Job], overwrite: bool) -> None:
-    """Refuse to replace the overview of a batch with recordings that this batch does not have."""
-    from posefuse.batch.jobs import PAGE, TABLE
-    from posefuse.io.outputs import check_new_files, exists_error
-    from posefuse.report.batch import names_in_csv
-
-    names = names_in_csv(output / TABLE) if (output / TABLE).is_file() else None
-    if names is None:
-        check_new_files([output / TABLE, output / PAGE], overwrite=overwrite)
+def _check_recipe(from_videos: bool, run: RunOptions, flags: _Treatment) -> None:
+    """Refuse flags that the recipe does not have."""
+    if from_videos:
+        if flags.again:
+            raise OptionsError(
+                "--again does not apply to --from-videos, which repeats the stages whose inputs or options changed. To "
+                "repeat all of them, remove the folders of the results."
+            )
         return
-    lost = [name for name in names if name not in [job.name for job in todo]]
-    if lost and not overwrite:
-        raise exists_error(f"{output / TABLE} lists recordings that are not in this batch ({choices(lost, 4)})")
+    if run.calibration in ("people", "none", "board"):
+        raise OptionsError(f"--calibration {run.calibration} needs --from-videos.")
+    others = [name for name, value in _changed(run) if name not in ("calibration", "board")]
+    if others:
+        names = choices(f"--{name.replace('_', '-')}" for name in others)
+        raise OptionsError(f"Only --from-videos takes {names}. Add --from-videos, or remove it.")
+
+
+def _changed(run: RunOptions) -> list[tuple[str, object]]:
+    """Return the options that differ from their defaults."""
+    default = RunOptions()
+    return [
+        (field.name, getattr(run, field.name))
+        for field in fields(run)
+        if getattr(run, field.name) != getattr(default, field.name)
+    ]
+
+
+def _calibrated(todo: Sequence[Job], board: str | None) -> tuple[list[Job], list[JobResult]]:
+    """Return the jobs whose cameras are calibrated where they can be, and the results of the others."""
+    from posefuse.batch.above import with_files_above
+    from posefuse.batch.calibrations import calibrate_jobs
+
+    uncalibrated = calibrate_jobs(todo, board, Bars())
+    names = [each.name for each in uncalibrated]
+    ready = [replace(job, board=board) for job in todo if job.name not in names]
+    return with_files_above(ready, board, Bars()), uncalibrated
+
+
+def _run(ready: Sequence[Job], where: _Where, scheduler: "Scheduler | None") -> Iterator[JobResult]:
+    from posefuse.batch.cluster import on_cluster
+    from posefuse.batch.pool import in_processes
+    from posefuse.batch.work import run_divided_job, run_job, run_job_unless_long
+    from posefuse.parallel import logical_cores
+
+    if scheduler is not None:
+        return on_cluster(run_job_unless_long, ready, scheduler, run_divided_job, retries=where.retries)
+    return in_processes(run_job, ready, where.jobs or logical_cores(), where.retries)
 
 
 def _collect(todo: Sequence[Job], results: Iterator[JobResult]) -> tuple[dict[str, JobResult], bool]:
@@ -133,37 +209,7 @@ def _collect(todo: Sequence[Job], results: Iterator[JobResult]) -> tuple[dict[st
     return found, False
 
 
-def _run(
-    todo: Sequence[Job], uncalibrated: Sequence[JobResult], jobs: int | None, scheduler: str | None
-) -> Iterator[JobResult]:
-    from posefuse.batch.cluster import on_cluster
-    from posefuse.batch.pool import in_processes
-    from posefuse.batch.work import run_divided_job, run_job, run_job_unless_long
-    from posefuse.parallel import logical_cores
-
-    failed = [each.name for each in uncalibrated]
-    ready = [job for job in todo if job.name not in failed]
-    if scheduler is not None:
-        if jobs is not None:
-            raise OptionsError(
-                "--jobs applies only to this machine; on a cluster (--scheduler), the number of workers determines "
-                "the number of jobs. Remove --jobs."
-            )
-        return chain(uncalibrated, on_cluster(run_job_unless_long, ready, scheduler, run_divided_job))
-    return chain(uncalibrated, in_processes(run_job, ready, jobs or logical_cores()))
-
-
-def _write(results: Sequence[JobResult], output: Path) -> None:
-    from posefuse.batch.jobs import PAGE, TABLE
-    from posefuse.io.files import replacing
-    from posefuse.report.batch import batch_csv, batch_page
-
-    for name, text in ((TABLE, batch_csv(results)), (PAGE, batch_page(results))):
-        with replacing(output / name) as temporary:
-            temporary.write_text(text, "utf-8")
-
-
-def _report(results: Sequence[JobResult], output: Path) -> None:
+def _report(results: Sequence[JobResult], output: str) -> None:
     from posefuse.batch.jobs import PAGE, TABLE
 
     table(None, ["recording", "outcome", "frames", "people", "points", "median px"], [_row(each) for each in results])

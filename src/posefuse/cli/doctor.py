@@ -22,9 +22,10 @@ EXTRA_OF_COMMAND: Mapping[str, tuple[str, ...]] = {
     "view": ("view",),
     "opensim": ("opensim",),
     "batch --scheduler": ("cluster",),
+    "batch s3://, gs://": ("cloud",),
     "stream --input nats://": ("live",),
 }
-"""Extras that commands need, or may need: videos, boards and message brokers."""
+"""Extras that commands need, or may need: videos, boards, clusters, object stores and message brokers."""
 
 
 def doctor(

@@ -102,7 +102,8 @@ def launch(
 
         command = next((token for token in tokens if token in COMMANDS), None)
         # Below the name of the command, because the parser ignores keys that are names of commands, such as people.
-        values = {} if command is None else {command: command_values(options, command)}
+        from_videos = command == "run" or (command == "batch" and "--from-videos" in tokens)
+        values = {} if command is None else {command: command_values(options, command, from_videos=from_videos)}
         app.config = (DictConfig(values, source=str(options), allow_unknown=True),)
     return app(_joined(tokens), exit_on_error=False, print_error=False, result_action="return_value")
 

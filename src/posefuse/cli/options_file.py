@@ -19,12 +19,13 @@ _PATHS_OF_COMMAND = {
 """Paths of a project file that each command takes from it; other commands take only options."""
 
 
-def command_values(path: Path, command: str | None) -> dict[str, Any]:
+def command_values(path: Path, command: str | None, *, from_videos: bool = False) -> dict[str, Any]:
     """Return the values that a file sets, by flag name, without those that it leaves out.
 
     Args:
         path: TOML file.
         command: Name of the command that takes the values.
+        from_videos: Whether it takes the table of a run.
 
     Raises:
         FileError: if the file does not exist or is not TOML.
@@ -38,7 +39,7 @@ def command_values(path: Path, command: str | None) -> dict[str, Any]:
     values = _set_values(dataclasses.asdict(options), written)
     # --sync FILE is a flag of its own beside the table.
     values |= {f"sync.{key}": value for key, value in values.pop("sync", {}).items()}
-    if command == "run":
+    if from_videos:
         values |= _set_values(dataclasses.asdict(read_run(path)[0]), of_run)
     for key in _PATHS_OF_COMMAND.get(command or "", ()):
         value = getattr(paths, key)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class _Shortcuts:
+class Shortcuts:
     """Short flags for frequently used options."""
 
     detector: Annotated[
@@ -59,7 +59,7 @@ def run(
     folder: Annotated[Path, Parameter(help="Folder with the videos of all cameras.")],
     *,
     output: Output,
-    shortcuts: Annotated[_Shortcuts, Parameter(name="*")] = _Shortcuts(),
+    shortcuts: Annotated[Shortcuts, Parameter(name="*")] = Shortcuts(),
     run: Annotated[RunOptions, Parameter(name="*")] = RunOptions(),  # noqa: B008
     behavior: Annotated[_Behavior, Parameter(name="*")] = _Behavior(),
     options: Annotated[Options, Parameter(name="*", group=Group(RECONSTRUCTION_GROUP, sort_key=2))] = Options(),  # noqa: B008

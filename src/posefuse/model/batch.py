@@ -5,6 +5,10 @@ from pathlib import Path
 from typing import Literal
 
 from posefuse.model.options.options import Options
+from posefuse.model.options.run import RunOptions
+
+Place = Path | str
+"""A local path, or the URL of a file or folder on an object store."""
 
 JobState = Literal["done", "kept", "failed", "failed check", "not done"]
 """Reconstructed in this run; unchanged since an earlier run; without a result; with a result that is certainly wrong;
@@ -27,27 +31,48 @@ class JobTreatment:
 
 
 @dataclass(frozen=True)
+class StoredFile:
+    """A file on an object store, as the store lists it.
+
+    Attributes:
+        url: its URL.
+        size: its size in bytes.
+        version: a text that changes with the content, such as an ETag.
+    """
+
+    url: str
+    size: int
+    version: str
+
+
+@dataclass(frozen=True)
 class Job:
     """One recording to reconstruct.
 
     Attributes:
         name: name of the result, unique in the batch.
-        folder: absolute path of the recording.
-        output: absolute path of the result's folder.
+        folder: absolute path or URL of the recording.
+        output: absolute path or URL of the result's folder.
         calibration: calibration of all recordings, or None where each has its own.
         options: options of the reconstruction.
         treatment: what happens to earlier and to wrong results.
         window_s: on a cluster, length of the windows into which a recording of at least two windows is divided; None
             to divide no recording.
+        run: options of a run from videos; None to reconstruct from 2D keypoints.
+        board: board of a recording that has images of it instead of a calibration, or None.
+        above: files in the folders above a recording on an object store that belong to it, such as a calibration.
     """
 
     name: str
-    folder: Path
-    output: Path
-    calibration: Path | None
+    folder: Place
+    output: Place
+    calibration: Place | None
     options: Options
     treatment: JobTreatment = JobTreatment()
     window_s: float | None = None
+    run: RunOptions | None = None
+    board: str | None = None
+    above: tuple[StoredFile, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -85,6 +110,8 @@ class JobResult:
         why: what went wrong, in a sentence; empty where nothing did.
         statistics: statistics of the result, None where there is none.
         warnings: warnings given while the recording was reconstructed.
+        report: name of the report in the folder of the result.
+        transient: whether a failed job may succeed if it is run again, because its cause lies outside the recording.
     """
 
     name: str
@@ -92,3 +119,5 @@ class JobResult:
     why: str = ""
     statistics: ResultStatistics | None = None
     warnings: tuple[str, ...] = ()
+    report: str = "report.html"
+    transient: bool = False

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from posefuse.calibration.assessment import assess
+from posefuse.calibration.boards.calibration import BoardCalibration
 from posefuse.calibration.boards.summary import summarize_board
 from posefuse.calibration.people.result import PeopleCalibration
 from posefuse.calibration.people.summary import summarize_people
@@ -49,16 +50,33 @@ def ensure_calibration(folder: Path, inputs: RecordingInputs, progress: Progress
     recording = find_recording(folder)
     if recording.calibrations or not (recording.keypoints or inputs.keypoints):
         return None
-    inside = images.parent == folder.resolve()
-    if inside:
-        result = calibrate(folder, board, keypoints=inputs.keypoints, timestamps=inputs.timestamps, progress=progress)
-    else:
-        result = calibrate_by_board(images, board, progress=progress)
+    if images.parent != folder.resolve():
+        return calibrate_images(images, board, images / CALIBRATION_FILE, progress)
+    result = calibrate(folder, board, keypoints=inputs.keypoints, timestamps=inputs.timestamps, progress=progress)
+    return _write(result, images, folder / CALIBRATION_FILE)
+
+
+def calibrate_images(images: Path, board: str | Path, target: Path, progress: Progress | None = None) -> Path:
+    """Calibrate the cameras of a session by images of a board alone, and write the calibration with its report.
+
+    Args:
+        images: folder of the images.
+        board: description of the board, or its file.
+        target: calibration file to write.
+        progress: receives the progress.
+
+    Raises:
+        CalibrationError: if the images do not determine the cameras.
+        PosefuseError: if a file cannot be read.
+    """
+    return _write(calibrate_by_board(images, board, progress=progress), images, target)
+
+
+def _write(result: PeopleCalibration | BoardCalibration, images: Path, target: Path) -> Path:
     summary = summarize_people(result) if isinstance(result, PeopleCalibration) else summarize_board(result)
     assessment = assess(summary)
     if assessment.level == "bad":
         raise CalibrationError(f"Calibration from {images}: {assessment.sentence} {assessment.advice[0]}")
-    target = (folder if inside else images) / CALIBRATION_FILE
     write_calibration_report(summary, target.with_suffix(".html"))
     with replacing(target) as temporary:
         write(result.rig, temporary)

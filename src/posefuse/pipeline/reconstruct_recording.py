@@ -96,11 +96,14 @@ class Execution:
         workers: run pieces of a long recording elsewhere, such as on a cluster; None to run everything here.
         remember: called with the finished result before it replaces an earlier one; returns JSON values that are stored
             beside it.
+        leave_s: length of a window in seconds, if a run from videos does not reconstruct a recording of two windows or
+            more, so that the caller continues it with workers; else None.
     """
 
     jobs: JobCount = 1
     workers: Workers | None = None
     remember: Callable[[Reconstruction], Mapping[str, Any]] = _nothing
+    leave_s: float | None = None
 
 
 @checked

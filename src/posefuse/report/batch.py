@@ -78,7 +78,7 @@ def _row(each: JobResult) -> str:
         n = each.statistics
         share = None if n.points_share is None else 100.0 * n.points_share
         cells = [
-            f'<a href="{quote(each.name)}/report.html">{name}</a>', _outcome(each), str(n.frames),
+            f'<a href="{quote(each.name)}/{each.report}">{name}</a>', _outcome(each), str(n.frames),
             _format(n.seconds, 1), str(n.cameras), str(n.people), _format(share, 1, " %"), _format(n.median_px, 2),
             _format(n.p90_px, 2), _format(n.sd_mm, 1),
         ]  # fmt: skip

@@ -5,9 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from posefuse.batch.jobs import jobs_of
+from posefuse.batch.jobs import jobs_of, place_of, places_of, resolved_run
 from posefuse.errors import OptionsError
+from posefuse.io.object_stores import write_stored
+from posefuse.model.options.detection import DetectOptions
 from posefuse.model.options.options import Options
+from posefuse.model.options.run import RunOptions
 
 
 def test_results_are_named_after_folders(tmp_path):
@@ -46,3 +49,32 @@ def test_recordings_in_the_output_are_refused_and_results_are_skipped(tmp_path):
 def test_undecodable_names_are_escaped(tmp_path):
     (job,) = jobs_of([tmp_path / os.fsdecode(b"rec\xff")], tmp_path / "out", None, Options())
     assert (job.name, job.output.name) == ("rec\\xff", "rec\\xff")
+
+
+def test_recordings_on_object_stores_are_named_like_local_ones(bucket, tmp_path):
+    for name in ("a/rec", "b/rec", "out/rec"):
+        write_stored(f"{bucket}/{name}/keypoints.nc", b"x")
+    folders = places_of([f"{bucket}/*/rec", str(tmp_path / "c"), f"{bucket}/a/rec/"])
+    assert folders == [f"{bucket}/a/rec", f"{bucket}/b/rec", f"{bucket}/out/rec", tmp_path / "c", f"{bucket}/a/rec"]
+    with pytest.raises(OptionsError, match=r"contains recordings of the batch \(s3://.*/out/rec\)"):
+        jobs_of(folders, place_of(f"{bucket}/out"), None, Options())
+    write_stored(f"{bucket}/out/rec/upload.json", b"{}")
+    actual = jobs_of(folders, place_of(f"{bucket}/out/"), None, Options())
+    assert [(job.name, job.output) for job in actual] == [
+        ("a-rec", f"{bucket}/out/a-rec"), ("b-rec", f"{bucket}/out/b-rec"), ("c", f"{bucket}/out/c"),
+    ]  # fmt: skip
+
+
+def test_files_of_options_are_absolute_unless_they_are_in_the_recordings(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("cameras.toml", "weights.onnx", "own.py"):
+        (tmp_path / name).touch()
+    (tmp_path / "rec").mkdir()
+    (tmp_path / "rec" / "times.csv").touch()
+    detect = DetectOptions(detector="own.py", weights=("weights.onnx",))
+    run = RunOptions(calibration="cameras.toml", timestamps="times.csv", board="charuco:7x5,square=30mm", detect=detect)
+    actual = resolved_run(run, [tmp_path / "rec"])
+    assert (actual.calibration, actual.timestamps) == (str(tmp_path / "cameras.toml"), "times.csv")
+    assert (actual.board, actual.synchronize) == ("charuco:7x5,square=30mm", "auto")
+    assert actual.detect.detector == str(tmp_path / "own.py")
+    assert actual.detect.weights == (str(tmp_path / "weights.onnx"),)

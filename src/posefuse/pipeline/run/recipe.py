@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +24,9 @@ from posefuse.model.reconstruction import Reconstruction
 from posefuse.parallel import JobCount, number_of_jobs
 from posefuse.pipeline.contact_sheet import write_contact_sheet
 from posefuse.pipeline.detect import DetectionOutcome, Given, detect_videos
+from posefuse.pipeline.distributed import is_long
 from posefuse.pipeline.fingerprints import RESULT as RECONSTRUCTION
-from posefuse.pipeline.reconstruct_recording import Outcome, reconstruct_recording
+from posefuse.pipeline.reconstruct_recording import Execution, Outcome, Request, carry_out
 from posefuse.pipeline.report_videos import write_report
 from posefuse.pipeline.run.calibrate_stage import (
     Calibrated,
@@ -57,7 +57,8 @@ class RunOutcome:
         calibration: the calibration that was made; None if it was given, or had been made before.
         refinement: the adjustment of a given calibration; None if it was not asked for, or had been made before.
         synchronization: the clocks; None if they were not measured, or had been measured before.
-        reconstruction: outcome of the reconstruction; None if the run was planned only.
+        reconstruction: outcome of the reconstruction; None if the run was planned only, or left a long recording to the
+            caller (``execution``).
         report: report with the videos; None if there are no videos, or it had been written before.
         contact_sheet: page with pictures of the people; None for a single person who was not chosen among several.
         kept: stages that an earlier run had finished with the same inputs and options.
@@ -85,13 +86,14 @@ class Watcher:
         finished: called after each stage with its name and the outcome so far.
         progress: receives the progress.
         jobs: number of processes of the reconstruction, see :func:`reconstruct_recording`, and of detectors and threads
-            that search boards, unless their options name another. No file depends on it.
+            that search boards, unless their options name another; "auto" starts one of these per core. No file depends
+            on it.
     """
 
     planned: Callable[[RunPlan], None] = lambda _: None
     finished: Callable[[str, RunOutcome], None] = lambda _, __: None
     progress: Progress = field(default_factory=Silent)
-    jobs: JobCount = 1
+    jobs: JobCount = "auto"
 
 
 @checked
@@ -133,10 +135,27 @@ def run(
         PosefuseError: if a stage fails; the stages before it are kept.
     """
     watcher = watcher or Watcher()
-    output = Path(output)
-    number_of_jobs(watcher.jobs, useful=1)
+
+    def plan() -> RunPlan:
+        return plan_run(folder, run, options, detector=detector, skeleton=skeleton)
+
+    return _carry_out(plan, Path(output), also, watcher, Execution(watcher.jobs))
+
+
+def run_in_batch(
+    folder: Path, output: Path, run: RunOptions, options: Options, watcher: Watcher, execution: Execution
+) -> RunOutcome:
+    """Do what :func:`run` does, with the same errors, for a batch that determines how it is executed."""
+    return _carry_out(lambda: plan_run(folder, run, options), output, (), watcher, execution)
+
+
+def _carry_out(
+    make_plan: Callable[[], RunPlan], output: Path, also: tuple[str, ...], watcher: Watcher, execution: Execution
+) -> RunOutcome:
+    """Plan a run, and run all stages."""
+    number_of_jobs(execution.jobs, useful=1)
     check_folder_marker(output, RUN_FILE)
-    plan = plan_run(folder, run, options, detector=detector, skeleton=skeleton)
+    plan = make_plan()
     if plan.is_empty:
         raise RecordingError(plan.problems[0])
     watcher.planned(plan)
@@ -150,7 +169,8 @@ def run(
         state.write()
         with replacing(output / PROJECT_FILE) as temporary:
             temporary.write_text(project_to_toml(plan.choices, plan.options), "utf-8")
-        return _Run(_with_jobs(plan, watcher.jobs), RunOutcome(output, plan), state, watcher).all(also)
+        plan = _with_jobs(plan, execution.jobs)
+        return _Run(plan, RunOutcome(output, plan), state, watcher, execution).all(also)
 
 
 def _with_jobs(plan: RunPlan, jobs: JobCount) -> RunPlan:
@@ -184,9 +204,11 @@ def plan_run(
 class _Run:
     """One run: its stages share keypoints and evidence."""
 
-    def __init__(self, plan: RunPlan, outcome: RunOutcome, state: RunState, watcher: Watcher) -> None:
+    def __init__(
+        self, plan: RunPlan, outcome: RunOutcome, state: RunState, watcher: Watcher, execution: Execution
+    ) -> None:
         self.plan, self.outcome, self.state, self.watcher = plan, outcome, state, watcher
-        self.output, self.progress = outcome.output, watcher.progress
+        self.output, self.progress, self.execution = outcome.output, watcher.progress, execution
 
     def all(self, also: tuple[str, ...]) -> RunOutcome:
         """Run all stages."""
@@ -196,6 +218,9 @@ class _Run:
         people = _People(self.plan, keypoints, timestamps, self.progress)
         calibration = self._calibrate(people)
         sync = self._synchronize(people, calibration)
+        leave_s = self.execution.leave_s
+        if leave_s is not None and is_long(people.detections(), self.plan.options, leave_s):
+            return self.outcome
         inputs = RecordingInputs(calibration, keypoints, timestamps)
         self._finish("reconstruct", reconstruction=self._reconstruct(inputs, sync, also))
         if any(stage.name == "report" for stage in self.plan.stages):
@@ -216,10 +241,11 @@ class _Run:
             return plan.path(run.keypoints)
         videos = {name: plan.path(file) for name, file in run.files_of_views.items()}
         folder, given = self.output / KEYPOINTS, Given(plan.detector, plan.skeleton)
+        options = run.detect
         try:
-            found = detect_videos(videos, folder, run.detect, given, progress=self.progress)
+            found = detect_videos(videos, folder, options, given, progress=self.progress)
         except OutputExistsError:
-            found = detect_videos(videos, folder, run.detect, given, overwrite=True, progress=self.progress)
+            found = detect_videos(videos, folder, options, given, overwrite=True, progress=self.progress)
         _require_people(found)
         self._finish("detect", kept=found.n_images == 0, detection=found)
         return found.keypoints
@@ -298,14 +324,11 @@ class _Run:
         """Return the outcome of the reconstruction."""
         plan = self.plan
         options = plan.options if sync.does_nothing else replace(plan.options, sync=sync)
-        call = partial(
-            reconstruct_recording, plan.session.folder, self.output / RESULT, options,
-            inputs=inputs, also=also, progress=self.progress, jobs=self.watcher.jobs,
-        )  # fmt: skip
+        request = Request(plan.session.folder, self.output / RESULT, options, inputs, also)
         try:
-            return call()
+            return carry_out(request, self.progress, self.execution)
         except OutputExistsError:
-            return call(overwrite=True)
+            return carry_out(replace(request, overwrite=True), self.progress, self.execution)
 
     def _report(self) -> None:
         """Write the report with the videos."""
