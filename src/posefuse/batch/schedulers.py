@@ -72,7 +72,7 @@ class Scheduler:
     def __post_init__(self) -> None:
         if self.workers is not None and not self.is_started_here:
             raise OptionsError(
-                f"The scheduler at {self.name} has workers already, and whoever started it determines their number "
+                f"The scheduler at {self.name} has workers already; their number is set where they were started "
                 "(dask worker, or cluster.adapt). Remove `workers`, or give `scheduler='local'` or a class of clusters "
                 "such as dask_jobqueue.SLURMCluster."
             )

@@ -42,7 +42,7 @@ OTHER_ARGUMENTS = {
     "format", "images", "input", "intrinsics", "jobs", "keypoints", "max_time_shift_s", "output",
     "overwrite", "path", "python",
     "recording", "reference", "save", "scene_points", "scheduler", "sync", "timestamps", "video", "videos",
-    "weights",
+    "weights", "workers",
 }  # fmt: skip
 """Arguments of functions and commands that are no options, and that messages may name."""
 
