@@ -24,6 +24,8 @@ RunTasks = Callable[[Callable[[Any], None], Sequence[Any]], None]
 
 UPLOAD_MARK = "upload.json"
 _RUNNING, _COMPLETE = "running", "complete"
+_UNFINISHED = (0, "")
+"""Size and version of a file whose upload may not be complete."""
 _MOST_NAMES = 4
 
 
@@ -164,9 +166,12 @@ class StoredResult:
     def _write(self, state: str, result: Mapping[str, Any] | None) -> None:
         local = self._local_files()
         changed = [name for name, known in local.items() if self._uploaded.get(name) != known]
-        if changed and self._mark is not None and self._mark.state == _COMPLETE:
-            rest = {name: known for name, known in self._mark.files.items() if name in local and name not in changed}
-            self._write_mark(UploadMark(_RUNNING, self.key, rest))
+        if changed and (self._mark is None or self._mark.state == _COMPLETE):
+            # Names what is about to be uploaded, so that whoever continues after a crash knows whose files these are.
+            begun = (
+                {} if self._mark is None else {name: known for name, known in self._mark.files.items() if name in local}
+            )
+            self._write_mark(UploadMark(_RUNNING, self.key, begun | dict.fromkeys(changed, _UNFINISHED)))
         with scratch_folder() as scratch:
             upload({joined(self.url, name): self._portable(name, scratch) for name in changed})
         self._uploaded = local

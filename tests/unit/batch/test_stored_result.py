@@ -4,10 +4,11 @@ import json
 
 import pytest
 
+from posefuse.batch import stored_result
 from posefuse.batch.stored_result import StoredResult, is_complete, read_upload_mark
 from posefuse.errors import FileError
 from posefuse.io.files import CHECKPOINT_FOLDER
-from posefuse.io.object_stores import list_files, read_stored, write_stored
+from posefuse.io.object_stores import list_files, read_stored, upload, write_stored
 from posefuse.model.batch import JobResult, ResultStatistics
 from tests.object_stores import contents
 
@@ -89,6 +90,24 @@ def test_a_result_that_is_being_replaced_is_not_complete(url, tmp_path):
     mark = read_upload_mark(url)
     assert mark is not None
     assert (mark.state, set(mark.files)) == ("running", {"one", "two"})
+
+
+def test_interrupted_upload_is_repeated(url, tmp_path, monkeypatch):
+    """The process dies when one of two files is on the store."""
+
+    def half(files) -> None:
+        upload(dict(list(files.items())[:1]))
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(stored_result, "upload", half)
+        with pytest.raises(KeyboardInterrupt):
+            finished(url, tmp_path / "a", one="1", two="2")
+    assert set(contents(url)) == {"one"}
+    assert not is_complete(url)
+    # The next attempt makes other files, such as those of fewer people.
+    finished(url, tmp_path / "b", key="other", two="2")
+    assert contents(url) == {"two": b"2"}
 
 
 def test_folder_with_other_files_is_refused(url, tmp_path):
