@@ -167,7 +167,7 @@ class StoredResult:
         local = self._local_files()
         changed = [name for name, known in local.items() if self._uploaded.get(name) != known]
         if changed and (self._mark is None or self._mark.state == _COMPLETE):
-            # Names what is about to be uploaded, so that whoever continues after a crash knows whose files these are.
+            # Names what is about to be uploaded, so that these files are recognized after a crash.
             begun = (
                 {} if self._mark is None else {name: known for name, known in self._mark.files.items() if name in local}
             )
