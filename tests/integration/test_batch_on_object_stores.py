@@ -110,7 +110,7 @@ def test_runs_from_videos_are_the_bytes_of_local_ones(run, tmp_path, bucket, mon
     # The worker is gone after the detection.
     (job,) = _jobs(run, there, monkeypatch)
     with monkeypatch.context() as patched:
-        patched.setattr("posefuse.pipeline.run.recipe.reconstruct_recording", _fail)
+        patched.setattr("posefuse.pipeline.run.recipe.carry_out", _fail)
         result = work.run_job(job)
     assert (result.state, result.transient) == ("failed", True)
     assert "take/keypoints/detection.json" in list_files(f"{bucket}/out")

@@ -11,12 +11,10 @@ from posefuse.errors import OutputExistsError, RecordingError
 from posefuse.io.calibration.read import read_cameras
 from posefuse.io.files import RUN_FILE, check_folder_marker, replacing, writable
 from posefuse.io.folder_locks import exclusive_folder
-from posefuse.io.keypoints.read import read_keypoints
-from posefuse.io.open_recording import RecordingInputs, digest_path, keypoint_request
+from posefuse.io.open_recording import RecordingInputs, digest_path
 from posefuse.io.options import read_sync
 from posefuse.io.project import PROJECT_FILE, project_to_toml
 from posefuse.io.recording import LENSES_FILE
-from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
 from posefuse.model.options.run import RunOptions
 from posefuse.model.options.sync import SyncOptions
@@ -37,9 +35,10 @@ from posefuse.pipeline.run.calibrate_stage import (
 )
 from posefuse.pipeline.run.inputs import compare_inputs, with_inputs
 from posefuse.pipeline.run.lens_stage import Lenses, calibrate_lenses, lens_inputs
+from posefuse.pipeline.run.people_in_videos import PeopleInVideos
 from posefuse.pipeline.run.plan import CALIBRATION, KEYPOINTS, PEOPLE, REPORT, RESULT, SYNC, RunPlan, make_plan
 from posefuse.pipeline.run.state import RunState, stage_key
-from posefuse.pipeline.run.sync_stage import Synchronized, hear, known_starts, measure, write_sync
+from posefuse.pipeline.run.sync_stage import Synchronized, known_starts, measure, write_sync
 from posefuse.progress import Progress, Silent
 
 
@@ -215,7 +214,7 @@ class _Run:
         keypoints = self._detect()
         run = self.plan.choices
         timestamps = None if run.timestamps is None else self.plan.path(run.timestamps)
-        people = _People(self.plan, keypoints, timestamps, self.progress)
+        people = PeopleInVideos(self.plan, keypoints, timestamps, self.progress)
         calibration = self._calibrate(people)
         sync = self._synchronize(people, calibration)
         leave_s = self.execution.leave_s
@@ -250,7 +249,7 @@ class _Run:
         self._finish("detect", kept=found.n_images == 0, detection=found)
         return found.keypoints
 
-    def _calibrate(self, people: "_People") -> Path | None:
+    def _calibrate(self, people: PeopleInVideos) -> Path | None:
         """Return the calibration."""
         plan, way, given = self.plan, self.plan.choices.calibration, self.plan.choices.calibration_file
         if given is not None or way == "none":
@@ -285,7 +284,7 @@ class _Run:
             self._finish("lenses", lenses=found)
         return path
 
-    def _refine(self, given: Path, people: "_People") -> Path:
+    def _refine(self, given: Path, people: PeopleInVideos) -> Path:
         """Return the refined calibration, or the given one if it is not worse."""
         path = self.output / CALIBRATION
         key = stage_key({"refine": digest_path(given), "options": asdict(self.plan.options)} | people.digests())
@@ -297,7 +296,7 @@ class _Run:
             self._finish("calibrate", refinement=found)
         return path if path.is_file() else given
 
-    def _synchronize(self, people: "_People", calibration: Path | None) -> SyncOptions:
+    def _synchronize(self, people: PeopleInVideos, calibration: Path | None) -> SyncOptions:
         """Return the time offsets of the views."""
         plan, run = self.plan, self.plan.choices
         if run.sync_file is not None:
@@ -364,38 +363,6 @@ class _Run:
         """Return the videos of a result's cameras."""
         files, views = self.plan.choices.files_of_views, self.plan.images_of(result.rig.names)
         return {name: self.plan.path(files[view.name]) for name, view in views.items()}
-
-
-class _People:
-    """The keypoints of a run and the sound of its videos, each read once."""
-
-    def __init__(self, plan: RunPlan, keypoints: Path, timestamps: Path | None, progress: Progress) -> None:
-        self.plan, self.keypoints, self.timestamps, self.progress = plan, keypoints, timestamps, progress
-        self._detections: Detections | None = None
-        self._sound: Any = None
-
-    def digests(self) -> dict[str, str]:
-        """Return the digests of keypoints and timestamps."""
-        stamps = "" if self.timestamps is None else digest_path(self.timestamps)
-        return {"keypoints": digest_path(self.keypoints), "timestamps": stamps}
-
-    def detections(self) -> Detections:
-        """Return the keypoints."""
-        if self._detections is None:
-            plan = self.plan
-            request = keypoint_request(
-                plan.session.folder, self.keypoints, plan.options, self.progress, self.timestamps
-            )
-            found = read_keypoints(self.keypoints, request)
-            rate_hz = plan.options.rate_hz
-            self._detections = found.with_rate(rate_hz) if rate_hz and found.rate_hz is None else found
-        return self._detections
-
-    def sound(self) -> Any:
-        """Return what the sound of the videos shows."""
-        if self._sound is None:
-            self._sound = hear(self.plan, self.detections().view_names, self.progress)
-        return self._sound
 
 
 def _require_people(found: DetectionOutcome) -> None:
