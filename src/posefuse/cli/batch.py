@@ -11,7 +11,7 @@ from cyclopts import Group, Parameter
 
 from posefuse.cli.console import Bars, count, percent, print_problem, say, table, warn
 from posefuse.cli.findings import CERTAIN_FAULT, AcceptFindings
-from posefuse.cli.help import RECONSTRUCTION_GROUP
+from posefuse.cli.help import RECONSTRUCTION_GROUP, VIDEOS_GROUP
 from posefuse.cli.run import Shortcuts
 from posefuse.errors import OptionsError, choices
 from posefuse.model.batch import Job, JobResult, JobTreatment
@@ -21,7 +21,6 @@ from posefuse.model.options.run import RunInputs, RunOptions
 if TYPE_CHECKING:
     from posefuse.batch.schedulers import Scheduler
 
-_VIDEOS_GROUP = "Calibration, and options with --from-videos"
 _INTERRUPTED = "The batch was interrupted before this recording."
 
 
@@ -97,8 +96,8 @@ def batch(
     ] = False,
     where: Annotated[_Where, Parameter(name="*")] = _Where(),
     flags: Annotated[_Treatment, Parameter(name="*")] = _Treatment(),
-    shortcuts: Annotated[Shortcuts, Parameter(name="*", group=Group(_VIDEOS_GROUP, sort_key=1))] = Shortcuts(),  # noqa: B008
-    run: Annotated[RunOptions, Parameter(name="*", group=Group(_VIDEOS_GROUP, sort_key=1))] = RunOptions(),  # noqa: B008
+    shortcuts: Annotated[Shortcuts, Parameter(name="*", group=Group(VIDEOS_GROUP, sort_key=1))] = Shortcuts(),  # noqa: B008
+    run: Annotated[RunOptions, Parameter(name="*", group=Group(VIDEOS_GROUP, sort_key=1))] = RunOptions(),  # noqa: B008
     options: Annotated[Options, Parameter(name="*", group=Group(RECONSTRUCTION_GROUP, sort_key=2))] = Options(),  # noqa: B008
 ) -> None:
     """Reconstruct many recordings side by side, each as posefuse reconstruct does, into a folder of its own.

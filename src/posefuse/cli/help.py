@@ -22,6 +22,10 @@ RECONSTRUCTION_GROUP = "Options of the reconstruction"
 _MOST_COMMON = ("people", "bodies", "pick", "person", "skeleton", "up", "solve", "align.floor")
 """Options that such a command shows."""
 
+VIDEOS_GROUP = "Calibration, and options with --from-videos"
+"""Options of a run from videos, of which the help of a batch shows the most common ones."""
+_COMMON_WITH_VIDEOS = frozenset({"--detector", "--weights", "--stature-m", "--calibration", "--board"})
+
 STREAM_GROUP = "Stream"
 """Title of the group of flags that set fields of the stream options."""
 
@@ -61,6 +65,8 @@ class HelpFormatter:
     def _is_shown(self, panel: HelpPanel, entry: HelpEntry) -> bool:
         if self.show_all:
             return True
+        if str(panel.title) == VIDEOS_GROUP:
+            return not _COMMON_WITH_VIDEOS.isdisjoint(entry.positive_names)
         option = _option_of(panel, entry)
         if option is not None and str(panel.title) == RECONSTRUCTION_GROUP:
             return option.name in _MOST_COMMON

@@ -17,12 +17,10 @@ Recording = Annotated[Path, Parameter(help="Folder of the recording.")]
 Result = Annotated[Path, Parameter(help="Folder of a result or of a run, or reconstruction.nc.")]
 Output = Annotated[Path, Parameter(name=["--output", "-o"], help="Folder for the results.")]
 CalibrationPath = Annotated[Path | None, Parameter(help="Calibration file; by default the one in the recording.")]
-KeypointsPath = Annotated[
-    Path | None, Parameter(help="File or folder of 2D keypoints; by default those in the recording.")
-]
+KeypointsPath = Annotated[Path | None, Parameter(help="2D keypoints; by default those in the recording.")]
 TimestampsPath = Annotated[
     Path | None,
-    Parameter(help="File or folder of frame times; by default those in the recording."),
+    Parameter(help="Frame times; by default those in the recording."),
 ]
 BoardSpec = Annotated[str | None, Parameter(help="Board that calibrates, with the people.")]
 EditsPath = Annotated[Path | None, Parameter(help="TOML file of edits to apply; see posefuse edit.")]
