@@ -6,6 +6,7 @@ from posefuse.kernels.trajectory.band import REACH, factor_paths, invert_paths
 from posefuse.kernels.trajectory.bone_terms import (
     BoneTerms,
     PathFactor,
+    Stopping,
     add_bone_gradient,
     add_to_diagonal,
     bone_directions,
@@ -16,8 +17,9 @@ from posefuse.kernels.trajectory.observation_terms import PathSystem
 from posefuse.trajectory.bones import Bones
 from posefuse.trajectory.paths import PersonPriors
 
-_MAX_CG_ITERATIONS = 30
-_TOLERANCE = 1e-3
+_STOPPING = Stopping(max_iterations=30, tolerance=1e-3, negligible=0.01)
+"""Steps that are wrong by a hundredth of their standard deviation are exact: the next round corrects more than that."""
+
 _BONE_REACH = 3.0
 """Distance, in standard deviations of length and views, at which a bone holds a quarter as tightly."""
 _MAX_RELATIVE_STIFFNESS = 10.0
@@ -90,11 +92,10 @@ def solve_system(
     factor_paths(band, lower, inverse, np.empty(keypoints))
     steps, covariance = np.empty_like(rhs), np.empty_like(band)
     solve_with_bones(
-        PathFactor(band, lower, inverse),
-        BoneTerms(ends, directions, stiffness, bone_information),
+        PathFactor(lower, inverse),
+        BoneTerms(bones.components, ends, directions, stiffness, bone_information),
         rhs,
-        _MAX_CG_ITERATIONS,
-        _TOLERANCE,
+        _STOPPING,
         steps,
     )
     invert_paths(lower, inverse, covariance)

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
+from posefuse.kernels.trajectory.bone_terms import Components
 from posefuse.skeleton.skeletons import Skeleton
 
 
@@ -18,22 +19,26 @@ class Bones:
         ends: shape (bone, 2), int64.
         order: shape (tree bone, 2), int64: bones of a forest, those nearest to a root first, and which end is outer.
         rigid: shape (bone,), bool: whether the skeleton declares the bone rigid.
+        components: groups of keypoints that the bones connect; a keypoint without bones is a group of its own.
     """
 
     ends: np.ndarray
     order: np.ndarray
     rigid: np.ndarray
+    components: Components
 
     @classmethod
-    def none(cls) -> Self:
+    def none(cls, keypoints: int) -> Self:
         """Return a record without bones."""
-        return cls(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 2), dtype=np.int64), np.zeros(0, dtype=np.bool_))
+        nothing = np.zeros((0, 2), dtype=np.int64)
+        alone = _components(np.arange(keypoints), nothing)
+        return cls(nothing, nothing, np.zeros(0, dtype=np.bool_), alone)
 
     @classmethod
     def of(cls, skeleton: Skeleton) -> Self:
         """Return the unique edges of a skeleton."""
         if not len(skeleton.edge_indices):
-            return cls.none()
+            return cls.none(len(skeleton))
         ends = np.unique(np.sort(skeleton.edge_indices, axis=1), axis=0)
         n = len(skeleton)
         graph = coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(n, n)).tocsr()
@@ -48,4 +53,14 @@ class Bones:
                 order.append((bone, int(ends[bone, 0] != outer)))
         rigid_pairs = {frozenset((skeleton.index(a), skeleton.index(b))) for a, b in skeleton.rigid}
         rigid = np.array([frozenset((int(a), int(b))) in rigid_pairs for a, b in ends])
-        return cls(np.ascontiguousarray(ends, dtype=np.int64), np.array(order, dtype=np.int64).reshape(-1, 2), rigid)
+        ends = np.ascontiguousarray(ends, dtype=np.int64)
+        return cls(ends, np.array(order, dtype=np.int64).reshape(-1, 2), rigid, _components(label, ends))
+
+
+def _components(label: np.ndarray, ends: np.ndarray) -> Components:
+    """Return the groups of keypoints with equal labels, shape (keypoint,), and of their bones."""
+    bone_label = label[ends[:, 0]]
+    groups = np.arange(label.max(initial=-1) + 1)
+    counts = np.stack([np.bincount(each, minlength=len(groups)) for each in (label, bone_label)], axis=1)
+    keypoints, bones = (np.argsort(each, kind="stable").astype(np.int64) for each in (label, bone_label))
+    return Components(keypoints, bones, np.cumsum(counts, axis=0, dtype=np.int64))

@@ -191,7 +191,9 @@ class _PersonStatistics:
         """Add a range of frames."""
         self._step_s = observed.step_s
         smoothness = Smoothness.of(options.prior, observed.time_s)
-        solver = PathSolver(observed, smoothness, Bones.none(), replace(options, density_window_s=0.0))
+        solver = PathSolver(
+            observed, smoothness, Bones.none(observed.sigma_px.shape[0]), replace(options, density_window_s=0.0)
+        )
         paths, density, determined, person_priors = fit_density(solver, person_priors)
         of_errors = person_priors.innovation_scale, person_priors.scale_strength, person_priors.error_variance
         self._errors.append(of_errors)

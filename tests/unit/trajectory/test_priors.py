@@ -81,7 +81,9 @@ def test_one_period_of_large_errors_does_not_affect_all_frames(monkeypatch):
     wild[1, 100:103, 2] *= 150.0**2
     observed = PersonObservations.of(measured(swinging(600)), 0)
     person_priors = PersonPriors(np.empty(0), np.empty(0), np.empty(0), 0.0, 1.0)
-    solver = PathSolver(observed, Smoothness.of("jerk", observed.time_s), Bones.none(), TrajectoryOptions())
+    solver = PathSolver(
+        observed, Smoothness.of("jerk", observed.time_s), Bones.none(observed.sigma_px.shape[0]), TrajectoryOptions()
+    )
     monkeypatch.setattr(ErrorLevel, "_new_errors", lambda *_: (wild, count))
     innovation_scale, scale_strength = solver.error_level.estimate(person_priors)
     assert innovation_scale == pytest.approx(1.0, abs=0.02)

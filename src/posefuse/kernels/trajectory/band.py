@@ -170,22 +170,6 @@ def invert_path(lower, inverse, covariance):
                 own[i, j] = own[j, i] = 0.5 * (own[i, j] + own[j, i])
 
 
-@vectorized
-def multiply_path(band, vector, out):
-    """Compute ``out = A vector``, shape (frame, 3), for the matrix ``A`` of a path."""
-    frames = vector.shape[0]
-    for f in range(frames):
-        a = band[f, 0]
-        for i in range(3):
-            out[f, i] = a[i, 0] * vector[f, 0] + a[i, 1] * vector[f, 1] + a[i, 2] * vector[f, 2]
-        for m in range(1, min(REACH, f) + 1):
-            a = band[f, m]
-            g = f - m
-            for i in range(3):
-                out[f, i] += a[i, 0] * vector[g, 0] + a[i, 1] * vector[g, 1] + a[i, 2] * vector[g, 2]
-                out[g, i] += a[0, i] * vector[f, 0] + a[1, i] * vector[f, 1] + a[2, i] * vector[f, 2]
-
-
 @kernel
 def factor_paths(band, lower, inverse, log_determinants):
     """Factor the matrices of all paths; the first axis is the keypoint, the others follow :func:`factor_path`."""

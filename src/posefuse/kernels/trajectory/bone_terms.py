@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from posefuse.kernels.jit import kernel, vectorized
-from posefuse.kernels.trajectory.band import invert_3, multiply_path, solve_path
+from posefuse.kernels.trajectory.band import invert_3, solve_path
 
 _RELATIVE_RIDGE = 1e-7
 """Unobserved directions of a point get this fraction of its information."""
@@ -121,82 +121,92 @@ def add_to_diagonal(information, band):
 
 
 @vectorized
-def _multiply_bones(bones, directions, bone_stiffness, vectors, out):
-    """Add the product of the bone terms with vectors: the ends are coupled along the direction of the bone."""
-    for b in range(bones.shape[0]):
-        first_end = bones[b, 0]
-        second_end = bones[b, 1]
+def _multiply_bones(bone_terms, first_bone, end_bone, vectors, out):
+    """Add the product of the terms of some bones with vectors: the ends are coupled along the direction of the bone."""
+    for n in range(first_bone, end_bone):
+        b = bone_terms.components.bones[n]
+        one = vectors[bone_terms.bones[b, 0]]
+        other = vectors[bone_terms.bones[b, 1]]
+        one_out = out[bone_terms.bones[b, 0]]
+        other_out = out[bone_terms.bones[b, 1]]
         for f in range(vectors.shape[1]):
-            w = bone_stiffness[b, f]
-            if w == 0.0:
-                continue
-            separation = 0.0
-            for i in range(3):
-                separation += directions[b, f, i] * (vectors[first_end, f, i] - vectors[second_end, f, i])
-            for i in range(3):
-                step = w * separation * directions[b, f, i]
-                out[first_end, f, i] += step
-                out[second_end, f, i] -= step
+            w = bone_terms.stiffness[b, f]
+            x = bone_terms.directions[b, f, 0]
+            y = bone_terms.directions[b, f, 1]
+            z = bone_terms.directions[b, f, 2]
+            w *= x * (one[f, 0] - other[f, 0]) + y * (one[f, 1] - other[f, 1]) + z * (one[f, 2] - other[f, 2])
+            one_out[f, 0] += w * x
+            one_out[f, 1] += w * y
+            one_out[f, 2] += w * z
+            other_out[f, 0] -= w * x
+            other_out[f, 1] -= w * y
+            other_out[f, 2] -= w * z
 
 
 @vectorized
-def _multiply_views(band, bone_information, vector, out):
-    """Multiply one path's vector with its band, without the bone information on the diagonal."""
-    multiply_path(band, vector, out)
+def _subtract_information(information, vector, of_band, out):
+    """Compute ``out = of_band - information vector`` of one path, shape (frame, 3)."""
     for f in range(vector.shape[0]):
         for i in range(3):
-            for j in range(3):
-                out[f, i] -= bone_information[f, i, j] * vector[f, j]
+            out[f, i] = of_band[f, i] - (
+                information[f, i, 0] * vector[f, 0]
+                + information[f, i, 1] * vector[f, 1]
+                + information[f, i, 2] * vector[f, 2]
+            )
 
 
 @vectorized
 def _combine(first_factor, first, second_factor, second):
-    """Compute ``second = first_factor first + second_factor second``."""
-    for k in range(first.shape[0]):
-        for f in range(first.shape[1]):
-            for i in range(3):
-                second[k, f, i] = first_factor * first[k, f, i] + second_factor * second[k, f, i]
-
-
-@vectorized
-def _copy(first, second):
-    """Compute ``second = first``; a slice assignment does the same but takes seconds to compile."""
-    for k in range(first.shape[0]):
-        for f in range(first.shape[1]):
-            for i in range(3):
-                second[k, f, i] = first[k, f, i]
+    """Compute ``second = first_factor first + second_factor second``, shape (frame, 3)."""
+    for f in range(first.shape[0]):
+        for i in range(3):
+            second[f, i] = first_factor * first[f, i] + second_factor * second[f, i]
 
 
 @vectorized
 def _fill(value, out):
-    """Set all elements to a value."""
-    for k in range(out.shape[0]):
-        for f in range(out.shape[1]):
-            for i in range(3):
-                out[k, f, i] = value
+    """Set all elements to a value; a slice assignment does the same but takes seconds to compile."""
+    for f in range(out.shape[0]):
+        for i in range(3):
+            out[f, i] = value
 
 
 @vectorized
 def _inner(first, second):
-    """Return the inner product."""
+    """Return the inner product of two arrays of shape (frame, 3)."""
     total = 0.0
-    for k in range(first.shape[0]):
-        for f in range(first.shape[1]):
-            for i in range(3):
-                total += first[k, f, i] * second[k, f, i]
+    for f in range(first.shape[0]):
+        for i in range(3):
+            total += first[f, i] * second[f, i]
     return total
+
+
+class Components(NamedTuple):
+    """Groups of keypoints that bones connect.
+
+    Attributes:
+        keypoints: keypoints of all groups, one group after the other.
+        bones: bones of all groups, one group after the other.
+        ends: shape (group, 2), int64: ends of the group's keypoints and of its bones in these.
+    """
+
+    keypoints: Any
+    bones: Any
+    ends: Any
 
 
 class BoneTerms(NamedTuple):
     """Coupling of keypoints by bones.
 
     Attributes:
+        components: Components.
         bones: shape (bone, 2), int64: keypoints.
         directions: shape (bone, frame, 3).
         stiffness: shape (bone, frame): inverse variance of the length; 0 where the bone is absent.
         information: shape (keypoint, frame, 3, 3): stands in for the bones on the diagonal of the band.
     """
 
+    components: Any
     bones: Any
     directions: Any
     stiffness: Any
@@ -204,63 +214,129 @@ class BoneTerms(NamedTuple):
 
 
 class PathFactor(NamedTuple):
-    """Matrices of all paths and their factors.
+    """Factors of the matrices of all paths: views, smoothness, and the bone information.
 
     Attributes:
-        band: shape (keypoint, frame, REACH + 1, 3, 3): views, smoothness, and the bone information.
         lower: from :func:`posefuse.kernels.trajectory.band.factor_paths`.
         inverse: likewise.
     """
 
-    band: Any
     lower: Any
     inverse: Any
 
 
+class Stopping(NamedTuple):
+    """When conjugate gradients stop.
+
+    Attributes:
+        max_iterations: largest number of iterations.
+        tolerance: norm of the preconditioned residual, relative to that at the start.
+        negligible: the same norm per coordinate, in standard deviations of the paths.
+    """
+
+    max_iterations: Any
+    tolerance: Any
+    negligible: Any
+
+
+class _Vectors(NamedTuple):
+    """Vectors of conjugate gradients, each of shape (keypoint, frame, 3).
+
+    Attributes:
+        residual: right-hand side minus product of the matrix and the steps.
+        preconditioned: solution of the paths' matrices for the residual.
+        direction: search direction.
+        of_band: product of the paths' matrices and the search direction.
+        product: product of the whole matrix and the search direction.
+    """
+
+    residual: Any
+    preconditioned: Any
+    direction: Any
+    of_band: Any
+    product: Any
+
+
+@vectorized
+def _precondition(factor, keypoints, first, end, vectors):
+    """Solve the paths of some keypoints separately; return the squared norm of the preconditioned residual."""
+    total = 0.0
+    for n in range(first, end):
+        k = keypoints[n]
+        for f in range(vectors.residual.shape[1]):
+            for i in range(3):
+                vectors.preconditioned[k, f, i] = vectors.residual[k, f, i]
+        solve_path(factor.lower[k], factor.inverse[k], vectors.preconditioned[k])
+        total += _inner(vectors.residual[k], vectors.preconditioned[k])
+    return total
+
+
+@vectorized
+def _multiply_component(bone_terms, group, direction_weight, vectors):
+    """Update the search direction of a group of keypoints and its products; return its squared norm.
+
+    The paths' matrices times the preconditioned residual is the residual, so the product with the search direction
+    follows from the previous one without the matrices.
+    """
+    components = bone_terms.components
+    first, first_bone = (components.ends[group - 1, 0], components.ends[group - 1, 1]) if group > 0 else (0, 0)
+    for n in range(first, components.ends[group, 0]):
+        k = components.keypoints[n]
+        _combine(1.0, vectors.preconditioned[k], direction_weight, vectors.direction[k])
+        _combine(1.0, vectors.residual[k], direction_weight, vectors.of_band[k])
+        _subtract_information(bone_terms.information[k], vectors.direction[k], vectors.of_band[k], vectors.product[k])
+    _multiply_bones(bone_terms, first_bone, components.ends[group, 1], vectors.direction, vectors.product)
+    total = 0.0
+    for n in range(first, components.ends[group, 0]):
+        k = components.keypoints[n]
+        total += _inner(vectors.direction[k], vectors.product[k])
+    return total
+
+
 @kernel
-def solve_with_bones(factor, bone_terms, rhs, max_iterations, tolerance, steps):
-    """Solve jointly for all paths, which bones couple, with preconditioned conjugate gradients.
+def solve_with_bones(factor, bone_terms, rhs, stopping, steps):
+    """Solve jointly for the paths of each group that bones connect, with preconditioned conjugate gradients.
 
     The method is that of Hestenes & Stiefel 1952. The preconditioner solves every path separately, with the bone
-    information on its diagonal.
+    information on its diagonal. Its norm is the squared step in standard deviations of the paths.
 
     Args:
         factor: PathFactor.
         bone_terms: BoneTerms.
         rhs: shape (keypoint, frame, 3): right-hand side on input, residual on output.
-        max_iterations: maximum number of conjugate gradient iterations.
-        tolerance: norm of the preconditioned residual, relative to that at the start.
+        stopping: Stopping.
         steps: shape (keypoint, frame, 3), written.
 
     Returns:
-        Number of iterations.
+        Largest number of iterations of a group.
     """
-    band, lower, inverse = factor
-    bones, directions, bone_stiffness, bone_information = bone_terms
-    keypoints = rhs.shape[0]
-    z = np.empty(rhs.shape)
-    search_direction = np.empty(rhs.shape)
-    product = np.empty(rhs.shape)
-    _fill(0.0, search_direction)
-    _fill(0.0, steps)
-    preconditioned_norm = initial_norm = 0.0
-    for n in range(max_iterations + 1):
-        _copy(rhs, z)
-        for k in range(keypoints):
-            solve_path(lower[k], inverse[k], z[k])
-        previous, preconditioned_norm = preconditioned_norm, _inner(rhs, z)
-        initial_norm = preconditioned_norm if n == 0 else initial_norm
-        if n == max_iterations or not preconditioned_norm > tolerance * tolerance * initial_norm:
-            return n
-        direction_weight = preconditioned_norm / previous if n > 0 else 0.0
-        _combine(1.0, z, direction_weight, search_direction)
-        for k in range(keypoints):
-            _multiply_views(band[k], bone_information[k], search_direction[k], product[k])
-        _multiply_bones(bones, directions, bone_stiffness, search_direction, product)
-        step_length = preconditioned_norm / _inner(search_direction, product)
-        _combine(step_length, search_direction, 1.0, steps)
-        _combine(-step_length, product, 1.0, rhs)
-    return max_iterations
+    vectors = _Vectors(rhs, np.empty(rhs.shape), np.empty(rhs.shape), np.empty(rhs.shape), np.empty(rhs.shape))
+    keypoints, _, ends = bone_terms.components
+    most = 0
+    for group in range(ends.shape[0]):
+        first = ends[group - 1, 0] if group > 0 else 0
+        end = ends[group, 0]
+        for n in range(first, end):
+            k = keypoints[n]
+            _fill(0.0, vectors.direction[k])
+            _fill(0.0, vectors.of_band[k])
+            _fill(0.0, steps[k])
+        negligible = stopping.negligible * stopping.negligible * 3.0 * (end - first) * rhs.shape[1]
+        norm = previous = limit = 0.0
+        for iteration in range(stopping.max_iterations + 1):
+            previous, norm = norm, _precondition(factor, keypoints, first, end, vectors)
+            if iteration == 0:
+                limit = max(stopping.tolerance * stopping.tolerance * norm, negligible)
+            if iteration == stopping.max_iterations or (iteration > 0 and not norm > limit) or not norm > 0.0:
+                break
+            most = max(most, iteration + 1)
+            squared = _multiply_component(bone_terms, group, norm / previous if iteration > 0 else 0.0, vectors)
+            step_length = norm / squared
+            for n in range(first, end):
+                k = keypoints[n]
+                _combine(step_length, vectors.direction[k], 1.0, steps[k])
+                _combine(-step_length, vectors.product[k], 1.0, rhs[k])
+    return most
 
 
 @kernel
