@@ -23,30 +23,40 @@ CHUNK_FRAMES = 256
 """Number of frames per compressed chunk."""
 
 
-class StoredArray(LazyArray):
-    """A variable of a netCDF file that is read by ranges. The file is open only during a read."""
+_SEPARATE, _POINT_AXES = ("space", "covariance_entry", "view"), 3
+"""Last axes whose elements are compressed separately in arrays with more axes than frame, person and keypoint."""
 
-    def __init__(self, path: Path, name: str) -> None:
+
+class StoredArray(LazyArray):
+    """A variable of a netCDF file that is read by ranges. The file is open only during a read.
+
+    Args:
+        path: The file.
+        name: Name of the variable.
+        dtype: Type of the elements in memory; None for that in the file.
+    """
+
+    def __init__(self, path: Path, name: str, dtype: Any = None) -> None:
         self._path = path
         self._name = name
         with h5py.File(path, "r") as file:
             variable: Any = file[name]
-            super().__init__(variable.shape, variable.dtype)
+            super().__init__(variable.shape, dtype or variable.dtype)
 
     def read_rows(self, start: int, stop: int) -> np.ndarray:
         """Read rows."""
         # h5py instead of h5netcdf, which inspects every variable of the file when it opens it.
         with reading(self._path, "netCDF-4 file"), h5py.File(self._path, "r") as file:
             variable: Any = file[self._name]
-            return np.asarray(variable[start:stop])
+            return np.asarray(variable[start:stop], dtype=self.dtype)
 
     def __repr__(self) -> str:
         return f"StoredArray({self._path.name}:{self._name}, shape={self.shape}, dtype={self.dtype})"
 
 
-def stored_array(path: Path, name: str) -> np.ndarray:
-    """Return a variable of a netCDF file, read when it is used."""
-    return as_array(StoredArray(path, name))
+def stored_array(path: Path, name: str, dtype: Any = None) -> np.ndarray:
+    """Return a variable of a netCDF file, read when it is used, as an array of the given type."""
+    return as_array(StoredArray(path, name, dtype))
 
 
 def open_file(path: Path, kind: str) -> h5netcdf.File:
@@ -115,7 +125,8 @@ def add_variable(
     Args:
         file: Open for writing.
         name: Name of the variable.
-        dimensions: Names of existing dimensions. Long variables are compressed in chunks along the first.
+        dimensions: Names of existing dimensions. Long variables are compressed in chunks along the first; each
+            coordinate, covariance entry and view has chunks of its own, because its values resemble each other.
         data: Content, or None to append later. Strings are stored as strings.
         dtype: Type of a variable without data.
         **attributes: Attributes of the variable.
@@ -134,6 +145,8 @@ def add_variable(
         packed: dict[str, Any] = {}
         if growing or (sizes and sizes[0] > CHUNK_FRAMES):
             chunks = (CHUNK_FRAMES, *(max(size, 1) for size in sizes[1:]))
+            if len(dimensions) > _POINT_AXES and dimensions[-1] in _SEPARATE:
+                chunks = (*chunks[:-1], 1)
             packed = {"chunks": chunks, "compression": "gzip", "compression_opts": 1, "shuffle": True}
         variable = file.create_variable(name, dimensions, dtype=kind, **packed)
         if data is not None:

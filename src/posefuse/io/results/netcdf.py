@@ -8,7 +8,8 @@ layer: ``measured_position`` (time, individual, keypoint, space) in meters, ``me
 ``pose_angle_sd`` (time, individual, pose_angle) in degrees, ``pose_nis`` and ``pose_nis_dof`` (time, individual), and
 ``pose_shape`` and ``pose_shape_sd`` (individual, pose_length). Joint angles are in ``joint_angle`` and
 ``joint_angle_sd`` (time, individual, joint_angle_name) in degrees, and ``joint_angle_status``. Events of tracks and
-cameras are in ``event_frame``, ``event_time``, ``event_person``, ``event_what`` and ``event_why`` (event).
+cameras are in ``event_frame``, ``event_time``, ``event_person``, ``event_what`` and ``event_why`` (event). Arrays are
+rounded (``rounding.py``); the attribute ``precision`` of a variable states how.
 """
 
 import json
@@ -39,6 +40,7 @@ from posefuse.io.results import netcdf_angles
 from posefuse.io.results.finding_records import findings_from_json, findings_to_json
 from posefuse.io.results.format import ResultFormat
 from posefuse.io.results.netcdf_world import alignment_from_json, alignment_to_json, read_rig, write_rig
+from posefuse.io.results.rounding import PRECISION, rounded
 from posefuse.model.label_swaps import Swaps, SwapState
 from posefuse.model.layer_scores import LayerScore
 from posefuse.model.noise import NoiseModel
@@ -49,15 +51,16 @@ from posefuse.model.track_events import Event, Poses, current_event_kind
 from posefuse.model.tracks import Tracks, TrackState
 
 KIND = "reconstruction"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+"""Version 2 rounds arrays (``rounding.py``); files of version 1 are not read."""
 
 _POINT_AXES = ("time", "individual", "keypoint")
 _LAYER_VARIABLES: dict[str, tuple[str, tuple[str, ...], str, type[IntEnum] | None]] = {
     "points_m": ("position", (*_POINT_AXES, "space"), "f8", None),
-    "covariance_m2": ("covariance", (*_POINT_AXES, "covariance_entry"), "f8", None),
+    "covariance_m2": ("covariance", (*_POINT_AXES, "covariance_entry"), "f4", None),
     "status": ("status", _POINT_AXES, "i1", PointStatus),
     "source": ("source", _POINT_AXES, "i1", Source),
-    "reprojection_error_px": ("reprojection_error", _POINT_AXES, "f8", None),
+    "reprojection_error_px": ("reprojection_error", _POINT_AXES, "f4", None),
     "view_status": ("view_status", (*_POINT_AXES, "view"), "i1", ViewStatus),
     "view_error_px": ("view_error", (*_POINT_AXES, "view"), "f4", None),
 }
@@ -76,7 +79,7 @@ def write(parts: Iterable[Reconstruction], path: Path) -> None:
         for part in parts:
             if start == 0:
                 _write_head(file, part)
-            _append(file, part, start)
+            _append(file, rounded(part), start)
             events |= dict.fromkeys(part.events)
             start += part.n_frames
         _write_events(file, tuple(events))
@@ -99,12 +102,7 @@ def read_reconstruction(path: str | Path) -> Reconstruction:
 
 def _read(path: Path) -> Reconstruction:
     with open_file(path, KIND) as file:
-        version = int(number_of(file, "format_version"))
-        if version > FORMAT_VERSION:
-            raise FileError(
-                f"{path} has format version {version}; this version of posefuse reads up to "
-                f"{FORMAT_VERSION}. Update posefuse."
-            )
+        _check_version(path, int(number_of(file, "format_version")))
         stored = set(file.variables)
         person_ids = strings(file.variables["individual"])
         chains = strings(file.variables["chain"]) if "chain" in stored else ()
@@ -137,7 +135,7 @@ def _read(path: Path) -> Reconstruction:
         poses = _read_poses(file, path)
         head["joint_angles"] = netcdf_angles.read(file, path)
     layers = {
-        layer: Layer(**{f.name: stored_array(path, f"{layer}_{_LAYER_VARIABLES[f.name][0]}") for f in fields(Layer)})
+        layer: Layer(**{f.name: _stored(path, layer, f.name) for f in fields(Layer)})
         for layer in LAYERS
         if f"{layer}_position" in stored
     }
@@ -146,6 +144,26 @@ def _read(path: Path) -> Reconstruction:
         tracks = Tracks(person_ids, stored_array(path, "track_detection"), stored_array(path, "track_state"))
     swaps = Swaps(chains, stored_array(path, "chain_swapped")) if chains else None
     return Reconstruction(layers=layers, tracks=tracks, swaps=swaps, poses=poses, **head)
+
+
+def _stored(path: Path, layer: str, attribute: str) -> np.ndarray:
+    """Return an array of a layer, read when it is used; points, covariances and mean errors as float64."""
+    name, _, kind, _ = _LAYER_VARIABLES[attribute]
+    is_number = kind.startswith("f") and attribute != "view_error_px"
+    return stored_array(path, f"{layer}_{name}", np.float64 if is_number else None)
+
+
+def _check_version(path: Path, version: int) -> None:
+    """Refuse files of other versions.
+
+    Raises:
+        FileError: if the version is another one.
+    """
+    if version != FORMAT_VERSION:
+        remedy = "Update posefuse." if version > FORMAT_VERSION else "Reconstruct the recording again."
+        raise FileError(
+            f"{path} has format version {version}; this version of posefuse reads {FORMAT_VERSION}. {remedy}"
+        )
 
 
 def _write_head(file: h5netcdf.File, first: Reconstruction) -> None:
@@ -224,7 +242,7 @@ def _attributes(name: str, unit: str, codes: type[IntEnum] | None) -> dict[str, 
             "flag_values": np.array([code.value for code in codes], dtype=np.int8),
             "flag_meanings": " ".join(code.name.lower() for code in codes),
         }
-    return {"units": {"position": unit, "covariance": f"{unit}2"}.get(name, "px")}
+    return {"units": {"position": unit, "covariance": f"{unit}2"}.get(name, "px"), "precision": PRECISION[name]}
 
 
 def _append(file: h5netcdf.File, part: Reconstruction, start: int) -> None:
@@ -261,8 +279,8 @@ def _create_pose_variables(file: h5netcdf.File, poses: Poses) -> None:
         add_variable(file, f"pose_{axis}", (f"pose_{axis}",), np.array(names, dtype=object))
     add_variable(file, "pose_turn", ("time", "individual", "pose_segment", "row", "column"), dtype="f8", units="1")
     add_variable(file, "pose_direction", ("time", "individual", "pose_bone", "space"), dtype="f8", units="1")
-    add_variable(file, "pose_angle_sd", ("time", "individual", "pose_angle"), dtype="f8", units="degree")
-    add_variable(file, "pose_root_turn", ("time", "individual", "covariance_entry"), dtype="f8", units="radian2")
+    add_variable(file, "pose_angle_sd", ("time", "individual", "pose_angle"), dtype="f4", units="degree")
+    add_variable(file, "pose_root_turn", ("time", "individual", "covariance_entry"), dtype="f4", units="radian2")
     add_variable(file, "pose_nis", ("time", "individual"), dtype="f8", units="1")
     add_variable(file, "pose_nis_dof", ("time", "individual"), dtype="i4", units="1")
     for name, values in (("pose_shape", poses.shape_m), ("pose_shape_sd", poses.shape_sd_m)):
@@ -281,9 +299,9 @@ def _read_poses(file: h5netcdf.File, path: Path) -> Poses | None:
     nis = np.full(turns.shape[:2], np.nan)
     dof = np.zeros(turns.shape[:2], dtype=np.int32)
     if "pose_angle_sd" in file.variables:
-        angles, sds = strings(file.variables["pose_angle"]), stored_array(path, "pose_angle_sd")
+        angles, sds = strings(file.variables["pose_angle"]), stored_array(path, "pose_angle_sd", np.float64)
     if "pose_root_turn" in file.variables:
-        root = stored_array(path, "pose_root_turn")
+        root = stored_array(path, "pose_root_turn", np.float64)
     if "pose_nis" in file.variables:
         nis, dof = stored_array(path, "pose_nis"), stored_array(path, "pose_nis_dof")
     return Poses(segments, bones, lengths, angles, turns, directions, sds, root, nis, dof, shape_m, shape_sd_m)

@@ -8,6 +8,7 @@ import h5netcdf
 import numpy as np
 
 from posefuse.io.netcdf import add_variable, stored_array, strings, text_of
+from posefuse.io.results.rounding import rounded_angles
 from posefuse.model.joint_angles import AngleStatus, JointAngles
 
 _AXES = ("time", "individual", "joint_angle_name")
@@ -50,7 +51,7 @@ def add(parts: Iterable[JointAngles], path: Path) -> None:
             if file is None:
                 file = h5netcdf.File(path, "r+")
                 create(file, part)
-            append(file, part, start)
+            append(file, rounded_angles(part), start)
             start += len(part.status)
     finally:
         if file is not None:
