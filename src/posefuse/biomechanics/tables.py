@@ -88,7 +88,7 @@ def body_tables(result: Reconstruction) -> dict[str, Callable[[Reconstruction], 
 
 def _length_columns(layer: LayerName, result: Reconstruction) -> Iterator[Columns]:
     """Yield the columns of the table of segment lengths."""
-    rows = segment_lengths(result.chunks(), layer)
+    rows = segment_lengths(result.windows(), layer)
     yield {
         "person": np.array([row.person for row in rows], dtype=object),
         "near": np.array([row.near for row in rows], dtype=object),

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+_MAX_EXACT = 2.0**53
+
 
 @dataclass(frozen=True)
 class Words:
@@ -37,6 +39,30 @@ class Words:
     def __getitem__(self, rows: Any) -> "Words":
         """Return the cells of some rows."""
         return Words(self.codes[rows], self.names)
+
+
+@dataclass(frozen=True)
+class Decimals:
+    """A column of numbers that are written with a limited number of decimals.
+
+    Attributes:
+        values: shape (row,), NaN for an empty cell.
+        decimals: shape (row,), int64: number of decimals of each cell; one number applies to all.
+    """
+
+    values: np.ndarray
+    decimals: np.ndarray | int
+
+    def rounded(self) -> np.ndarray:
+        """Return the rounded numbers, shape (row,); numbers too large for so many decimals have fewer."""
+        scale = 10.0**self.decimals
+        with np.errstate(invalid="ignore", over="ignore"):
+            scaled = self.values * scale
+            return np.where(np.abs(scaled) < _MAX_EXACT, np.round(scaled) / scale, self.values)
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self.values)
 
 
 Column = np.ndarray | Words

@@ -248,7 +248,7 @@ def writable(path: Path) -> Iterator[None]:
 
 
 RESULT_FILES = (
-    "reconstruction.nc", "fingerprint.json", "*.csv", "*.trc", "*.c3d", "*.bvh", "*.glb", "report.html",
+    "reconstruction.nc", "fingerprint.json", "*.csv", "*.csv.gz", "*.trc", "*.c3d", "*.bvh", "*.glb", "report.html",
     "evaluation.json", "debug/*.png",
     "points.parquet", "points*.npz", "points.nwb", "points3d.h5", "points_dlc.h5", "movement.nc",
     "freemocap*/output_data/*/*.npy", "freemocap*/output_data/*.*",

@@ -6,13 +6,13 @@ the first to the last in which the person is tracked. The format cannot represen
 pose is held while a person is absent or a hand is not tracked.
 """
 
-import io
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
 
 from posefuse.io.files import replacing
+from posefuse.io.number_rows import number_rows
 from posefuse.io.results.clips import (
     BODY_TO_Y_UP,
     Clip,
@@ -30,6 +30,8 @@ from posefuse.model.reconstruction import Reconstruction
 from posefuse.progress import Progress
 
 _CM = 100.0
+_DECIMALS = 6
+"""Decimals of angles in degrees and positions in cm."""
 _CHANNELS = "Zrotation Xrotation Yrotation"
 _ROOT = "Xposition Yposition Zposition"
 _GAP_HANDLING = "BVH cannot omit frames, so the last pose is held"
@@ -169,9 +171,7 @@ def _unwrap_angles(angles: np.ndarray, before: np.ndarray) -> np.ndarray:
 
 
 def _text(values: np.ndarray) -> str:
-    out = io.StringIO()
-    np.savetxt(out, values + 0.0, fmt="%.6f", newline="\n")
-    return out.getvalue()
+    return number_rows(values, _DECIMALS, " ").decode()
 
 
 FORMAT = ResultFormat(

@@ -64,7 +64,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
             _correct_header(file, parameters, n_rows, start + 16 * len(names) * n_rows)
             file.seek(start)
             done, row = 0, 0
-            for part in report_ranges(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent()):
+            for part in report_ranges(result.windows(), result.n_frames, f"writing {path.name}", progress or Silent()):
                 rows = row_indices[done : done + part.n_frames]
                 block = np.tile(_MISSING, (int(rows[-1]) + 1 - row, len(names), 1))
                 block[rows - row], used = _points_as_stored(part.layers[layer], index)

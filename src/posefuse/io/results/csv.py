@@ -1,15 +1,20 @@
-"""Tidy CSV: one row per frame, person and keypoint (or angle or event). Missing cells are empty; full precision."""
+"""Tidy CSV: one row per frame, person and keypoint (or angle or event). Missing cells are empty.
 
-from collections.abc import Iterable, Sequence
+Points are rounded as in ``reconstruction.nc``: coordinates to 0.01 mm, and finer where the standard deviation is below
+0.5 mm, standard deviations and errors to four digits, times to a microsecond.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from posefuse.io.columns import Column, Columns, Words
-from posefuse.io.csv_columns import header, read_csv, write_csv
+from posefuse.io.columns import Column, Columns, Decimals, Words, number_column
+from posefuse.io.csv_columns import header, read_csv, write_csv, write_rounded_csv
 from posefuse.io.files import must_exist
 from posefuse.io.results import tidy
 from posefuse.io.results.format import ResultFormat
+from posefuse.kernels.tables.rows import MAX_DECIMALS
 from posefuse.model.joint_angles import WITHIN_95, AngleStatus, JointAngles
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
@@ -19,6 +24,8 @@ from posefuse.model.track_events import Event
 
 FILE_NAMES: dict[LayerName, str] = {"measured": "keypoints.csv", "solved": "solved.csv", "model": "model.csv"}
 EVENTS, ANGLES = "events.csv", "angles.csv"
+PACKED, MAX_ROWS = ".gz", 4_000_000
+"""Ending of a compressed table, and how many rows a table beside a result has at most without it."""
 
 ANGLE_COLUMNS = (
     "frame", "time_s", "person", "angle", "convention", "degrees", "sd_degrees", "low_degrees", "high_degrees",
@@ -27,8 +34,17 @@ ANGLE_COLUMNS = (
 
 _STATUS = tuple(next((s.label for s in PointStatus if s == code), "") for code in range(256))
 _ANGLE_STATUS = tuple(status.label for status in AngleStatus)
-_ANGLE_DECIMALS = 3
+_ANGLE_DECIMALS, _TIME_DECIMALS = 3, 6
+_DEGREES = ("degrees", "sd_degrees", "low_degrees", "high_degrees")
+_SD_DIGITS = 4
+_COORDINATE_DECIMALS, _COORDINATE_PARTS = 5, 50.0
+"""Decimals of a coordinate, and into how many parts its standard deviation is divided at least."""
 _SOURCE = tuple(next((s.label for s in Source if s == code), "") for code in range(256))
+
+
+def file_name(name: str, rows: int) -> str:
+    """Return the name of a table beside a result: long ones are compressed."""
+    return name if rows <= MAX_ROWS else name + PACKED
 
 
 def columns(unit: str) -> tuple[str, ...]:
@@ -51,7 +67,7 @@ def columns(unit: str) -> tuple[str, ...]:
 
 def write(parts: Iterable[Reconstruction], path: Path, layer: LayerName) -> None:
     """Write one layer of consecutive ranges of frames of one reconstruction, one range at a time."""
-    write_csv((columns_of(part, layer) for part in parts), path)
+    write_rounded_csv((_rounded(columns_of(part, layer), part.unit) for part in parts), path)
 
 
 def write_events(events: Iterable[Event], path: Path) -> None:
@@ -67,7 +83,8 @@ def write_events(events: Iterable[Event], path: Path) -> None:
 
 def write_angles(parts: Iterable[Reconstruction], path: Path) -> None:
     """Write joint angles of consecutive ranges of frames; frames without a person have no rows."""
-    write_csv((angles_columns(part, part.joint_angles) for part in parts if part.joint_angles is not None), path)
+    tables = (angles_columns(part, part.joint_angles) for part in parts if part.joint_angles is not None)
+    write_rounded_csv((_decimals(table, dict.fromkeys(_DEGREES, _ANGLE_DECIMALS)) for table in tables), path)
 
 
 def columns_of(part: Reconstruction, name: LayerName) -> dict[str, Column]:
@@ -85,6 +102,35 @@ def columns_of(part: Reconstruction, name: LayerName) -> dict[str, Column]:
         Words(np.asarray(layer.source[:]).ravel(), _SOURCE),
     ]
     return dict(zip(columns(part.unit), data, strict=True))
+
+
+def _rounded(table: Columns, unit: str) -> dict[str, Decimals | Words]:
+    """Return a table of points with the decimals that its numbers are written with."""
+    deviations = [number_column(table, f"sd_{axis}_{unit}") for axis in "xyz"]
+    smallest = np.fmin.reduce(deviations)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        needed = np.ceil(np.log10(_COORDINATE_PARTS / smallest))
+    coordinates = np.nan_to_num(needed, nan=MAX_DECIMALS, posinf=MAX_DECIMALS).clip(_COORDINATE_DECIMALS, MAX_DECIMALS)
+    decimals: dict[str, np.ndarray | int] = {f"{axis}_{unit}": coordinates.astype(np.int64) for axis in "xyz"}
+    for name in (*(f"sd_{axis}_{unit}" for axis in "xyz"), "reprojection_error_px"):
+        decimals[name] = _for_digits(number_column(table, name))
+    return _decimals(table, decimals)
+
+
+def _for_digits(values: np.ndarray) -> np.ndarray:
+    """Return the number of decimals that give a number so many significant digits, shape (row,), int64."""
+    with np.errstate(divide="ignore"):
+        first = np.nan_to_num(np.floor(np.log10(values)), nan=0.0, neginf=0.0, posinf=0.0)
+    return (_SD_DIGITS - 1 - first).clip(0, MAX_DECIMALS).astype(np.int64)
+
+
+def _decimals(table: Columns, decimals: Mapping[str, np.ndarray | int]) -> dict[str, Decimals | Words]:
+    """Return a table with the decimals of its columns; whole numbers have none, and times those of a microsecond."""
+    known = {"time_s": _TIME_DECIMALS, **decimals}
+    return {
+        name: column if isinstance(column, Words) else Decimals(column, known.get(name, 0))
+        for name, column in table.items()
+    }
 
 
 def angles_columns(part: Reconstruction, angles: JointAngles) -> Columns:
@@ -122,7 +168,8 @@ def _number(values: np.ndarray) -> np.ndarray:
 
 def matches(path: Path) -> bool:
     """Return whether a file is a tidy table of points."""
-    return {"frame", "time_s", "person", "keypoint"} <= set(header(path))
+    is_table = path.name.lower().endswith((".csv", f".csv{PACKED}"))
+    return is_table and {"frame", "time_s", "person", "keypoint"} <= set(header(path))
 
 
 def read(path: Path) -> StoredPoints:
@@ -133,12 +180,12 @@ def read(path: Path) -> StoredPoints:
     """
     names = header(must_exist(path, "table of points"))
     tidy.unit_of(names, path)
-    layer = next((layer for layer, name in FILE_NAMES.items() if name == path.name), "")
+    layer = next((layer for layer, name in FILE_NAMES.items() if name == path.name.removesuffix(PACKED)), "")
     return tidy.points_of(read_csv(path, words=tidy.WORDS, numbers=tidy.NUMBERS), path, layer=layer)
 
 
 def _write_layer(result: Reconstruction, path: Path, layer: LayerName) -> None:
-    write(result.chunks(), path, layer)
+    write(result.windows(), path, layer)
 
 
 FORMAT = ResultFormat(
@@ -147,7 +194,7 @@ FORMAT = ResultFormat(
     conventions="tidy: one row per frame, person and keypoint; meters, world axes; missing is empty",
     lacks="covariances between the axes, and which views",
     holds_stills=True,
-    endings=(".csv",),
+    endings=(".csv", PACKED),
     matches=matches,
     read=read,
     write_layer=_write_layer,

@@ -60,7 +60,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> 
 def _coordinates(result: Reconstruction, angles: JointAngles, person: int) -> dict[str, np.ndarray]:
     """Return the coordinates of a person in OpenSim's order, each of shape (frame,), in degrees or m."""
     columns = [i for i, convention in enumerate(angles.conventions) if convention == OPENSIM]
-    parts = [part.joint_angles for part in result.chunks() if part.joint_angles is not None]
+    parts = [part.joint_angles for part in result.windows() if part.joint_angles is not None]
     degrees = np.concatenate([part.degrees[:, person, columns] for part in parts]).astype(np.float64)
     pelvis_m = np.concatenate([part.pelvis_m[:, person] for part in parts]) @ y_up_from_world(result.rig.up_axis).T
     names = [angles.names[i] for i in columns]

@@ -14,6 +14,7 @@ import numpy as np
 from posefuse.arrays import ranges
 from posefuse.errors import FileError
 from posefuse.io.files import read_text, replacing
+from posefuse.io.number_rows import number_rows
 from posefuse.io.results.axes import y_up_from_world
 from posefuse.io.results.format import ResultFormat
 from posefuse.io.results.timing import export_rate, regular_rows
@@ -25,6 +26,8 @@ from posefuse.model.stored_points import StoredPoints
 from posefuse.progress import Progress, Silent, report_ranges
 
 _FIRST = "PathFileType"
+_DECIMALS = 6
+"""Decimals of coordinates in m and of times in s."""
 
 
 @dataclass(frozen=True)
@@ -68,28 +71,27 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
     ]
     turn = y_up_from_world(result.rig.up_axis if result.unit == "m" else None)
     index = result.person_ids.index(person)
-    empty_cells = _cells(np.full(3 * len(names), np.nan))
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
-        file.write("\n".join(header) + "\n")
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        file.write(("\n".join(header) + "\n").encode())
         row = 0
         done = 0
-        for part in report_ranges(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent()):
+        for part in report_ranges(result.windows(), result.n_frames, f"writing {path.name}", progress or Silent()):
             points = np.asarray(part.layers[layer].points_m[:])[:, index] @ turn.T
-            for place, values in zip(
-                row_indices[done : done + len(points)], points.reshape(len(points), -1), strict=True
-            ):
-                while row < place:
-                    file.write(f"{row + 1}\t{start + row / rate:.6f}\t{empty_cells}\n")
-                    row += 1
-                file.write(f"{row + 1}\t{start + row / rate:.6f}\t{_cells(values)}\n")
-                row += 1
-            done += len(points)
+            rows = row_indices[done : done + len(points)]
+            number = np.arange(row, int(rows[-1]) + 1)
+            values = np.full((len(number), 2 + points[0].size), np.nan)
+            values[:, 0], values[:, 1] = number + 1, start + number / rate
+            values[rows - row, 2:] = points.reshape(len(points), -1)
+            file.write(_rows(values))
+            done, row = done + len(points), row + len(number)
 
 
-def _cells(values: np.ndarray) -> str:
-    """Return the cells of a row; missing numbers are empty except for the last one."""
-    *cells, last = ("" if value != value else f"{value:.6f}" for value in values)
-    return "\t".join([*cells, last or "nan"])
+def _rows(values: np.ndarray) -> bytes:
+    """Return rows as text; missing numbers are empty except for the last one."""
+    decimals = np.full(values.shape[1], _DECIMALS)
+    decimals[0] = 0
+    lines = number_rows(values, decimals, "\t")
+    return lines.replace(b"\t\n", b"\tnan\n")
 
 
 def _filled_text(result: Reconstruction, person: str, layer: LayerName) -> str:

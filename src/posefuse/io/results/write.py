@@ -337,8 +337,9 @@ def default_files(
 
 
 def _write_layer_table(name: LayerName, result: Reconstruction, folder: Path) -> tuple[Sequence[str], Sequence[str]]:
-    csv.write(result.chunks(), folder / csv.FILE_NAMES[name], name)
-    return (csv.FILE_NAMES[name],), ()
+    file_name = csv.file_name(csv.FILE_NAMES[name], _n_bodies(result) * len(result.skeleton))
+    csv.write(result.windows(), folder / file_name, name)
+    return (file_name,), ()
 
 
 def _write_events(
@@ -349,8 +350,14 @@ def _write_events(
 
 
 def _write_angles(result: Reconstruction, folder: Path) -> tuple[Sequence[str], Sequence[str]]:
-    csv.write_angles(result.windows(), folder / csv.ANGLES)
-    return (csv.ANGLES,), ()
+    assert result.joint_angles is not None
+    file_name = csv.file_name(csv.ANGLES, _n_bodies(result) * len(result.joint_angles.names))
+    csv.write_angles(result.windows(), folder / file_name)
+    return (file_name,), ()
+
+
+def _n_bodies(result: Reconstruction) -> int:
+    return result.n_frames * len(result.person_ids)
 
 
 def _write_table(
