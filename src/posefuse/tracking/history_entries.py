@@ -10,6 +10,9 @@ from posefuse.kernels.linear_algebra.triangles import pack_triangle, unpack_tria
 from posefuse.kernels.tracking.records import State
 from posefuse.model.tracks import TrackState
 
+_DROPPED_BITS = 20
+"""Number of the last of the 52 stored binary digits of a covariance that are rounded away."""
+
 
 @dataclass(frozen=True, eq=False)
 class AssignedViews:
@@ -48,7 +51,8 @@ class Entries:
         shape: shape (frame, shape).
         velocity: shape (frame, pose).
         free: shape (frame,), int64.
-        triangles: shape (number,): lower triangles of the covariances, without the rows of a fixed shape.
+        triangles: shape (number,): lower triangles of the covariances, without the rows of a fixed shape, rounded to 33
+            binary digits: further ones do not compress.
     """
 
     places: np.ndarray
@@ -79,6 +83,7 @@ class Entries:
         size = state.covariance.shape[1] - fixed
         triangle = np.empty(size * (size + 1) // 2)
         pack_triangle(state.covariance[0], n, fixed, triangle)
+        _round_in_place(triangle)
         return cls(
             np.array([place]), np.array([fresh]), seen.rows[None].copy(), seen.used[None].copy(),
             np.array([life], dtype=np.int8), np.array([missing_s]), seen.keypoints_px[None].astype(np.float32),
@@ -120,3 +125,10 @@ class Entries:
         covariance = np.empty((len(self), 2 * n + h, 2 * n + h))
         unpack_triangles(self.triangles, self.free, n, h, covariance)
         return State(self.root, self.turns, self.bones, self.shape, self.velocity, covariance, self.free)
+
+
+def _round_in_place(numbers: np.ndarray) -> None:
+    """Round finite float64 numbers to fewer binary digits; half is rounded away from zero."""
+    bits = numbers.view(np.int64)
+    bits += 1 << (_DROPPED_BITS - 1)
+    bits &= -(1 << _DROPPED_BITS)

@@ -54,7 +54,7 @@ class TestFolder:
             assert tuple(rows[0]) == columns("m")
             points = np.array([[float(row[f"{axis}_m"] or "nan") for axis in "xyz"] for row in rows])
             expected = crowd_result.layers[layer].points_m
-            np.testing.assert_array_equal(points.reshape(expected.shape), expected)
+            np.testing.assert_allclose(points.reshape(expected.shape), expected, rtol=0.0, atol=5.001e-6)
             assert {row["source"] for row in rows} == {"", "measured" if layer == "measured" else "modeled"}
 
     def test_events(self, crowd_result, folder):
