@@ -54,7 +54,7 @@ class Decimals:
     decimals: np.ndarray | int
 
     def rounded(self) -> np.ndarray:
-        """Return the rounded numbers, shape (row,); numbers too large for so many decimals have fewer."""
+        """Return the rounded numbers, shape (row,); numbers too large for their decimals remain."""
         scale = 10.0**self.decimals
         with np.errstate(invalid="ignore", over="ignore"):
             scaled = self.values * scale

@@ -54,7 +54,7 @@ def write_rounded_csv(tables: Iterable[Mapping[str, Decimals | Words]], path: Pa
 
 
 @contextmanager
-def _opened(path: Path, *, packed: bool) -> Iterator[IO[bytes]]:
+def _opened(path: Path, *, packed: bool) -> Iterator[IO[bytes] | gzip.GzipFile]:
     """Open a file for writing; a compressed one holds neither name nor time, so that its bytes are reproducible."""
     with path.open("wb") as file:
         if not packed:
@@ -70,7 +70,7 @@ def _any_rows(columns: Sequence[Decimals | Words], rows: slice) -> bytes:
     return b"".join(b",".join(row) + b"\n" for row in zip(*(_cells(column[rows]) for column in plain), strict=True))
 
 
-def _rounded_rows(columns: Sequence[Decimals | Words], rows: slice) -> memoryview | bytes:
+def _rounded_rows(columns: Sequence[Decimals | Words], rows: slice) -> bytes:
     """Return a range of rows as text."""
     numbers = [column for column in columns if isinstance(column, Decimals)]
     n_rows = rows.stop - rows.start
@@ -99,7 +99,7 @@ def _rounded_rows(columns: Sequence[Decimals | Words], rows: slice) -> memoryvie
     longest = len(numbers) * NUMBER_BYTES + len(codes) * int(lengths.max()) + len(columns)
     out = np.empty(n_rows * longest, dtype=np.uint8)
     size = write_rows(NumberCells(values, decimals), words, np.array(order, dtype=np.int64), ord(","), out)
-    return memoryview(out)[:size]
+    return out[:size].tobytes()
 
 
 def _header(names: Sequence[str], *, quoted: bool) -> bytes:

@@ -118,7 +118,7 @@ def _rounded(table: Columns, unit: str) -> dict[str, Decimals | Words]:
 
 
 def _for_digits(values: np.ndarray) -> np.ndarray:
-    """Return the number of decimals that give a number so many significant digits, shape (row,), int64."""
+    """Return the number of decimals that write a number with four significant digits, shape (row,), int64."""
     with np.errstate(divide="ignore", invalid="ignore"):
         first = np.nan_to_num(np.floor(np.log10(values)), nan=0.0, neginf=0.0, posinf=0.0)
     return (_SD_DIGITS - 1 - first).clip(0, MAX_DECIMALS).astype(np.int64)

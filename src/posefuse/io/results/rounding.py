@@ -87,7 +87,7 @@ def rounded_angles(angles: JointAngles) -> JointAngles:
     """Return rounded joint angles."""
     return replace(
         angles,
-        degrees=_to_multiples(np.asarray(angles.degrees[:]), np.float32(ANGLE_STEP_DEG)),
+        degrees=_to_multiples(np.asarray(angles.degrees[:]), ANGLE_STEP_DEG),
         sd_deg=to_digits(angles.sd_deg[:], SD_BITS),
         pelvis_m=_to_multiples(np.asarray(angles.pelvis_m[:]), MAX_STEP),
     )
@@ -109,7 +109,7 @@ def smallest_variance(covariance: np.ndarray) -> np.ndarray:
 
 
 def to_digits(values: np.ndarray, bits: int) -> np.ndarray:
-    """Return values as float32 with so many binary digits after the first one; half is rounded away from zero."""
+    """Return values as float32 with ``bits`` binary digits after the first one; half is rounded away from zero."""
     numbers = np.ascontiguousarray(values, dtype=np.float32)
     dropped = _FLOAT32_BITS - bits
     nearest = (numbers.view(np.int32) + np.int32(1 << (dropped - 1))) & np.int32(-(1 << dropped))

@@ -47,7 +47,7 @@ class WordCells(NamedTuple):
 
 @subroutine
 def _write_number(value, decimals, out, at):
-    """Write a number at a position, rounded to so many decimals; return the position after it."""
+    """Write a number at a position, rounded to its decimals; return the position after it."""
     if math.isnan(value):
         return at
     scale = 1.0
