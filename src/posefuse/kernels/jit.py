@@ -8,18 +8,24 @@ from typing import Any, TypeVar, cast
 
 import numba
 
-from posefuse.kernels.linking import PrivateCopiesCompiler
+from posefuse.kernels.linking import KernelCompiler, SubroutineCompiler
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 # Numba's rewrites replace array expressions and exceptions. Kernels contain neither, and the search for them takes a
-# tenth of the compilation time.
-_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_rewrites": True}
+# tenth of the compilation time. No C code calls kernels.
+_OPTIONS: dict[str, Any] = {
+    "nogil": True,
+    "error_model": "numpy",
+    "fastmath": {"contract"},
+    "no_rewrites": True,
+    "no_cfunc_wrapper": True,
+}
 
 
 def kernel(function: F) -> F:
     """Compile a kernel: cached on disk, releases the GIL, division by zero gives inf, fused multiply-add allowed."""
-    return cast("F", numba.njit(**_OPTIONS, cache=True, pipeline_class=PrivateCopiesCompiler)(function))
+    return cast("F", numba.njit(**_OPTIONS, cache=True, pipeline_class=KernelCompiler)(function))
 
 
 def subroutine(function: F) -> F:
@@ -27,7 +33,7 @@ def subroutine(function: F) -> F:
 
     A subroutine must not allocate, because reference counting is off: atomic counts of the array arguments would cost
     more than the arithmetic (measured: a factor of four on the rows of an observation). It has no entry point from
-    Python and no cache of its own. Its callers need neither, and compilation is a fifth faster without them.
+    Python, no machine code and no cache of its own: its callers need none of them.
     """
     return _compile_subroutine(function, forceinline=False)
 
@@ -44,5 +50,5 @@ def inline(function: F) -> F:
 
 def _compile_subroutine(function: F, **options: Any) -> F:
     compile_function = cast("Any", numba.njit)
-    minimal = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    minimal = {"_nrt": False, "no_cpython_wrapper": True, "pipeline_class": SubroutineCompiler}
     return cast("F", compile_function(**{**_OPTIONS, **minimal, **options})(function))

@@ -317,3 +317,18 @@ def marker_jacobians(chain, scales, coordinates, state, markers, by_coordinate, 
         place_marker(scales, state, bodies[k], locations_m[k], positions_m[k])
         coordinate_jacobian(chain, state, bodies[k], positions_m[k], by_coordinate[k])
         scale_jacobian(chain, coordinates, state, bodies[k], locations_m[k], by_scale[k])
+
+
+@subroutine
+def store_motion(state, rotations, angular):
+    """Copy the rotations of bodies and the angular velocities per coordinate, element by element.
+
+    An assignment of arrays would compile the message for arrays of different shapes, which takes a second.
+    """
+    for body in range(rotations.shape[0]):
+        for i in range(3):
+            for j in range(3):
+                rotations[body, i, j] = state.rotations[body, i, j]
+    for c in range(angular.shape[0]):
+        for i in range(3):
+            angular[c, i] = state.angular[c, i]

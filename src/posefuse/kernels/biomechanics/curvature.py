@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from posefuse.kernels.biomechanics.chain import coordinate_jacobian, place_bodies, place_marker
+from posefuse.kernels.biomechanics.chain import coordinate_jacobian, place_bodies, place_marker, store_motion
 from posefuse.kernels.biomechanics.inverse_kinematics import marker_weight, parameter_jacobian
 from posefuse.kernels.jit import kernel, subroutine
 
@@ -188,5 +188,4 @@ def move_to_means(model, frames, state, solution):
             gradient[c] += volume[c]
         _shift(covariance[t], gradient, coordinates[t])
         place_bodies(chain, scales, coordinates[t], state)
-        rotations[t] = state.rotations
-        angular[t] = state.angular
+        store_motion(state, rotations[t], angular[t])

@@ -9,7 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from posefuse.kernels.biomechanics.chain import coordinate_jacobian, place_bodies, place_marker, scale_jacobian
+from posefuse.kernels.biomechanics.chain import (
+    coordinate_jacobian,
+    place_bodies,
+    place_marker,
+    scale_jacobian,
+    store_motion,
+)
 from posefuse.kernels.jit import kernel, subroutine
 from posefuse.kernels.linear_algebra.symmetric import cholesky, cholesky_solve, invert
 
@@ -216,20 +222,22 @@ def solve_frames(model, frames, prior, first, state, work, out):
         cost[t] = solve_frame(model, state, frame, prior, current, work)
         if cost[t] > bound:
             # Another start avoids a local minimum far from the frame before.
-            other[:] = prior.mean
+            for i in range(n):
+                other[i] = prior.mean[i]
             again = solve_frame(model, state, frame, prior, other, work)
             if again < cost[t]:
-                current[:] = other
+                for i in range(n):
+                    current[i] = other[i]
             cost[t] = solve_frame(model, state, frame, prior, current, work)
-        coordinates[t] = current
-        rotations[t] = state.rotations
-        angular[t] = state.angular
+        store_motion(state, rotations[t], angular[t])
         for i in range(n):
+            coordinates[t, i] = current[i]
             for j in range(i + 1):
                 work.hessian[j, i] = work.hessian[i, j]
-        if not invert(work.hessian, n, work.step):
-            work.hessian[:] = np.nan
-        covariance[t] = work.hessian
+        invertible = invert(work.hessian, n, work.step)
+        for i in range(n):
+            for j in range(n):
+                covariance[t, i, j] = work.hessian[i, j] if invertible else np.nan
 
 
 @subroutine
@@ -279,7 +287,8 @@ def parameter_equations(model, basis, frame, coordinates, state, out):
         place_marker(scales, state, markers.bodies[k], markers.locations_m[k], position_m)
         coordinate_jacobian(chain, state, markers.bodies[k], position_m, by_coordinate)
         parameter_jacobian(model, state, coordinates, k, basis, by_scale, own)
-        position_m -= points_m[k]
+        for i in range(3):
+            position_m[i] -= points_m[k, i]
         _, weight = marker_weight(information[k], position_m[0], position_m[1], position_m[2])
         for p in range(n_scales + 3):
             for i in range(3):
