@@ -54,16 +54,14 @@ def test_board_is_used_and_the_calibration_is_kept(session, tmp_path, run):
 
 
 def test_batch_calibrates_once_for_a_session(session, tmp_path, run, monkeypatch):
-    from posefuse.pipeline import calibrate_recording
+    from posefuse.pipeline import calibrate_board
 
     (session / "calibration" / "board.toml").write_text(
         '[board]\nkind = "charuco"\ncolumns = 6\nrows = 5\nsquare_m = 0.08\n'
     )
     calls = []
-    calibrate = calibrate_recording.calibrate_by_board
-    monkeypatch.setattr(
-        calibrate_recording, "calibrate_by_board", lambda *a, **k: (calls.append(a), calibrate(*a, **k))[1]
-    )
+    calibrate = calibrate_board.calibrate_by_board
+    monkeypatch.setattr(calibrate_board, "calibrate_by_board", lambda *a, **k: (calls.append(a), calibrate(*a, **k))[1])
     code, out, err = run("batch", session / "one", session / "two", "-o", tmp_path / "out", "--jobs", "1", *FAST)
     assert code == 0, out + err
     assert len(calls) == 1

@@ -363,29 +363,47 @@ def test_detections_outside_the_image_are_used(run, recording, tmp_path, clean_s
     assert run("reconstruct", recording, "-o", tmp_path / "o")[0] == 0
 
 
+_HEAVY = ("ezc3d", "h5py", "matplotlib", "numba", "scipy")
+
+
+def _loaded_of(names, program):
+    """Return which of the modules are loaded after a program, and what it printed."""
+    program += f"\nimport sys; print('loaded:', *sorted(set({names!r}) & set(sys.modules)))"
+    environment = {**os.environ, "COLUMNS": "80"}
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, env=environment
+    ).stdout
+    shown, _, loaded = done.rpartition("loaded:")
+    return loaded.split(), shown
+
+
 @pytest.mark.parametrize("code", ["import posefuse", "import posefuse; posefuse.Options(); posefuse.Camera"])
 def test_importing_starts_no_compiler(code):
-    loaded = subprocess.run(
-        [sys.executable, "-c", f"{code}; import sys; print('numba' in sys.modules)"],
-        capture_output=True, text=True, check=True,
-    ).stdout  # fmt: skip
-    assert loaded.strip() == "False"
+    assert _loaded_of(_HEAVY, code)[0] == []
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["reconstruct", "--help"], ["simulate", "--help"], ["--version"]])
-def test_help_starts_no_compiler(arguments, tmp_path):
+def test_help_starts_no_compiler(arguments):
     program = (
-        "import sys; from posefuse.cli.main import main\n"
+        "from posefuse.cli.main import main\n"
         f"try: main({arguments!r})\n"
-        "except SystemExit: pass\n"
-        "print('numba' in sys.modules)"
-    )
-    environment = {**os.environ, "COLUMNS": "80"}
-    actual = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True, env=environment
-    ).stdout
-    assert actual.strip().endswith("False")
-    assert all(len(line) <= 80 for line in actual.splitlines())
+        "except SystemExit: pass"
+    )  # fmt: skip
+    loaded, shown = _loaded_of(_HEAVY, program)
+    assert loaded == []
+    assert all(len(line) <= 80 for line in shown.splitlines())
+
+
+def test_list_of_commands_loads_no_options():
+    """They load NumPy, which takes as long as the rest."""
+    names = ("numpy", "posefuse.model.options.options")
+    assert _loaded_of(names, "from posefuse.cli.main import main; main(['--help'])")[0] == []
+
+
+def test_reconstructing_loads_no_board_calibration():
+    program = "import posefuse.pipeline.reconstruct_recording"
+    names = ("posefuse.calibration.boards", "posefuse.calibration.people", "matplotlib", "cv2")
+    assert _loaded_of(names, program)[0] == []
 
 
 @pytest.mark.parametrize(("given", "threads"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "3"}, "3")])

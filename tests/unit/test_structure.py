@@ -27,6 +27,7 @@ WITHOUT_SOURCE = {
 TESTED_ELSEWHERE = {
     "integration/test_batch_command.py": ("batch/overview.py", "batch/recipes.py", "batch/work.py"),
     "integration/test_batch_on_object_stores.py": ("batch/staging.py",),
+    "integration/test_board_videos_of_recordings.py": ("pipeline/calibrate_recording.py",),
     "integration/test_calibrate_by_people.py": (
         "calibration/scene/origin.py",
         "pipeline/place_calibration.py",

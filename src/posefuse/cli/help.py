@@ -3,15 +3,14 @@
 import textwrap
 from collections.abc import Sequence
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cyclopts.help import HelpEntry, HelpPanel
 from rich.console import Console, ConsoleOptions
 from rich.text import Text
 
-from posefuse.model.options.catalog import OptionEntry, list_options
-from posefuse.model.options.options import Options
-from posefuse.model.options.stream import StreamOptions
+if TYPE_CHECKING:
+    from posefuse.model.options.catalog import OptionEntry
 
 OPTIONS_GROUP = "Options"
 """Title of the group of flags that set fields of the options record."""
@@ -103,7 +102,7 @@ class HelpFormatter:
             console.print()
 
 
-def _option_of(panel: HelpPanel, entry: HelpEntry) -> OptionEntry | None:
+def _option_of(panel: HelpPanel, entry: HelpEntry) -> "OptionEntry | None":
     """Return the option of a reconstruction or a stream that a help entry describes, or None."""
     if str(panel.title) not in (OPTIONS_GROUP, RECONSTRUCTION_GROUP, STREAM_GROUP):
         return None
@@ -115,8 +114,13 @@ def _option_of(panel: HelpPanel, entry: HelpEntry) -> OptionEntry | None:
 
 
 @cache
-def _entries() -> dict[str, OptionEntry]:
+def _entries() -> "dict[str, OptionEntry]":
     """Return the options of a reconstruction and of a stream by name."""
+    # Imported here, because the list of commands needs no options, and the records load NumPy.
+    from posefuse.model.options.catalog import list_options
+    from posefuse.model.options.options import Options
+    from posefuse.model.options.stream import StreamOptions
+
     return {option.name: option for record in (StreamOptions, Options) for option in list_options(record)}
 
 

@@ -1,23 +1,20 @@
 """Calibrate the cameras of a recording that has images of a board instead of a calibration."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from posefuse.calibration.assessment import assess
-from posefuse.calibration.boards.calibration import BoardCalibration
-from posefuse.calibration.boards.summary import summarize_board
-from posefuse.calibration.people.result import PeopleCalibration
-from posefuse.calibration.people.summary import summarize_people
 from posefuse.errors import CalibrationError
 from posefuse.io.board_images import find_board_folder
 from posefuse.io.board_specs import find_board_spec
-from posefuse.io.calibration.anipose import write
 from posefuse.io.files import replacing
 from posefuse.io.open_recording import RecordingInputs
 from posefuse.io.recording import CALIBRATION_FILE, find_recording
-from posefuse.pipeline.calibrate import calibrate
-from posefuse.pipeline.calibrate_board import calibrate_by_board
-from posefuse.pipeline.calibration_report import write_calibration_report
 from posefuse.progress import Progress
+
+# Calibration is a fifth of the package, and few recordings need it, so each function imports it when it is called.
+if TYPE_CHECKING:
+    from posefuse.calibration.boards.calibration import BoardCalibration
+    from posefuse.calibration.people.result import PeopleCalibration
 
 
 def ensure_calibration(folder: Path, inputs: RecordingInputs, progress: Progress | None = None) -> Path | None:
@@ -52,6 +49,8 @@ def ensure_calibration(folder: Path, inputs: RecordingInputs, progress: Progress
         return None
     if images.parent != folder.resolve():
         return calibrate_images(images, board, images / CALIBRATION_FILE, progress)
+    from posefuse.pipeline.calibrate import calibrate
+
     result = calibrate(folder, board, keypoints=inputs.keypoints, timestamps=inputs.timestamps, progress=progress)
     return _write(result, images, folder / CALIBRATION_FILE)
 
@@ -69,10 +68,19 @@ def calibrate_images(images: Path, board: str | Path, target: Path, progress: Pr
         CalibrationError: if the images do not determine the cameras.
         PosefuseError: if a file cannot be read.
     """
+    from posefuse.pipeline.calibrate_board import calibrate_by_board
+
     return _write(calibrate_by_board(images, board, progress=progress), images, target)
 
 
-def _write(result: PeopleCalibration | BoardCalibration, images: Path, target: Path) -> Path:
+def _write(result: "PeopleCalibration | BoardCalibration", images: Path, target: Path) -> Path:
+    from posefuse.calibration.assessment import assess
+    from posefuse.calibration.boards.summary import summarize_board
+    from posefuse.calibration.people.result import PeopleCalibration
+    from posefuse.calibration.people.summary import summarize_people
+    from posefuse.io.calibration.anipose import write
+    from posefuse.pipeline.calibration_report import write_calibration_report
+
     summary = summarize_people(result) if isinstance(result, PeopleCalibration) else summarize_board(result)
     assessment = assess(summary)
     if assessment.level == "bad":

@@ -11,13 +11,6 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from posefuse.model.options.calibration import CalibrateOptions, PeopleOptions
-from posefuse.model.options.catalog import list_options
-from posefuse.model.options.options import Options
-from posefuse.model.options.refinement import RefineOptions
-from posefuse.model.options.run import RunOptions
-from posefuse.model.options.stream import StreamOptions
-
 _OPTION = re.compile(
     r"(?<![\w`'\"./=-])[a-z][a-z0-9]*(?:[._][a-z0-9]+)+(?![\w`'\"./=(])|(?:^|(?<=[.] ))[a-z][a-z0-9]*(?= must )"
 )
@@ -48,6 +41,14 @@ def options_as_flags(text: str) -> str:
 @cache
 def _option_names() -> frozenset[str]:
     """Return the names of all options, with and without their tables."""
+    # Imported here, because every command imports this module, and the records load NumPy.
+    from posefuse.model.options.calibration import CalibrateOptions, PeopleOptions
+    from posefuse.model.options.catalog import list_options
+    from posefuse.model.options.options import Options
+    from posefuse.model.options.refinement import RefineOptions
+    from posefuse.model.options.run import RunOptions
+    from posefuse.model.options.stream import StreamOptions
+
     records = (Options, CalibrateOptions, PeopleOptions, RefineOptions, RunOptions, StreamOptions)
     names = {entry.name for record in records for entry in list_options(record)}
     return frozenset(names | {name.rpartition(".")[2] for name in names if "_" in name.rpartition(".")[2]})
