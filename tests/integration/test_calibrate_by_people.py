@@ -64,6 +64,11 @@ def test_errors_are_within_the_stated_uncertainty(result, scene):
     assert score.worst_rotation_deg < 5.0 * max(report.rotation_sd_deg for report in result.cameras)
 
 
+def test_the_calibration_does_not_depend_on_the_number_of_processes(result, scene):
+    people = PeopleOptions(jobs=2)
+    assert posefuse.calibrate(scene.detections, intrinsics=scene.rig, people=people).rig == result.rig
+
+
 def test_the_covariance_of_all_cameras_is_stated(result, scene):
     covariance = result.rig.covariance()
     assert [camera for camera, _ in covariance.parameters] == [name for name in result.rig.names[1:] for _ in range(6)]

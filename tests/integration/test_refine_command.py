@@ -57,6 +57,18 @@ def test_turned_camera_is_corrected_and_the_input_is_kept(run, turned_recording,
     assert "SHA-256" in rig.notes[0]
 
 
+def test_two_processes_write_the_same(run, turned_recording, tmp_path):
+    """One checks the recording while the other refines."""
+    printed = []
+    for jobs in (1, 2):
+        refined = tmp_path / f"{jobs}.toml"
+        code, out, err = run("refine-calibration", turned_recording, "-o", refined, "--people", "one", "--jobs", jobs)
+        assert code == 0, err
+        printed.append(out.replace(str(refined), ""))
+    assert printed[0] == printed[1]
+    assert (tmp_path / "1.toml").read_bytes() == (tmp_path / "2.toml").read_bytes()
+
+
 def test_input_calibration_is_not_overwritten(run, turned_recording):
     place = turned_recording / "Calib.toml"
     before = place.read_bytes()

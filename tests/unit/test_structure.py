@@ -30,6 +30,7 @@ TESTED_ELSEWHERE = {
     "integration/test_board_videos_of_recordings.py": ("pipeline/calibrate_recording.py",),
     "integration/test_calibrate_by_people.py": (
         "calibration/scene/origin.py",
+        "pipeline/calibrate_people.py",
         "pipeline/place_calibration.py",
         "pipeline/recalibrate.py",
     ),

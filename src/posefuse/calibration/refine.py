@@ -91,6 +91,7 @@ class RefinementState:
         covered: shape (view,), bool, of the last iteration: whether a view's observations cover its image.
         adjustment: result of the last iteration.
         observations: its observations.
+        first: cameras that were triangulated with first, and the result.
     """
 
     before: CameraRig
@@ -101,6 +102,7 @@ class RefinementState:
     covered: np.ndarray | None = None
     adjustment: Adjustment | None = None
     observations: PointObservations | None = None
+    first: tuple[CameraRig, TriangulatedObservations] | None = None
 
     def without(self, reasons: dict[str, str]) -> "RefinementState":
         """Return the state without some cameras, given by name and reason."""
@@ -192,6 +194,7 @@ def _connected_cameras(
     """Triangulate, and leave out cameras that are copies of others or share too few points."""
     while True:
         triangulated = source.triangulate(state.rig)
+        state = replace(state, first=state.first or (state.rig, triangulated))
         n, names = len(state.rig), state.rig.names
         copy = checks.find_copy(state.rig, np.nan_to_num(triangulated.shares(n)))
         if copy is not None:

@@ -1,8 +1,8 @@
 """``posefuse calibrate``."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Group, Parameter
 
@@ -12,7 +12,7 @@ from posefuse.cli.calibrate_board import describe_board
 from posefuse.cli.calibrate_people import describe_people
 from posefuse.cli.calibrate_scene import describe_scene
 from posefuse.cli.console import Bars, note
-from posefuse.cli.types import KeypointsPath, Overwrite, TimestampsPath
+from posefuse.cli.types import JobsFlag, KeypointsPath, Overwrite, TimestampsPath
 from posefuse.errors import CalibrationError, FileError, choices
 from posefuse.model.options.calibration import CalibrateOptions, PeopleOptions
 
@@ -64,6 +64,23 @@ class CalibrationInputs:
     timestamps: TimestampsPath = None
 
 
+_NO_FLAG = Parameter(parse=False)
+
+
+@dataclass(frozen=True)
+class BoardFlags(CalibrateOptions):
+    """Flags of a calibration by a board; the number of processes is one flag of both kinds of calibration."""
+
+    jobs: Annotated[int | None, _NO_FLAG] = None
+
+
+@dataclass(frozen=True)
+class PeopleFlags(PeopleOptions):
+    """Flags of a calibration by people; the number of processes likewise."""
+
+    jobs: Annotated[int | None, _NO_FLAG] = None
+
+
 def calibrate(
     recording: Source = None,
     *,
@@ -71,12 +88,11 @@ def calibrate(
     inputs: Annotated[CalibrationInputs, Parameter(name="*")] = CalibrationInputs(),
     report: Annotated[bool, Parameter(help="Write a report beside the calibration (name.html).")] = True,
     overwrite: Overwrite = False,
-    options: Annotated[
-        CalibrateOptions, Parameter(name="*", group=Group("Options with --board", sort_key=2))
-    ] = CalibrateOptions(),  # noqa: B008
+    jobs: JobsFlag = "auto",
+    options: Annotated[BoardFlags, Parameter(name="*", group=Group("Options with --board", sort_key=2))] = BoardFlags(),
     people: Annotated[
-        PeopleOptions, Parameter(name="*", group=Group("Options without --board", sort_key=3))
-    ] = PeopleOptions(),  # noqa: B008
+        PeopleFlags, Parameter(name="*", group=Group("Options without --board", sort_key=3))
+    ] = PeopleFlags(),
 ) -> None:
     """Calibrate cameras by a board, by the people or animals that they film, or by points of known position.
 
@@ -84,17 +100,41 @@ def calibrate(
     """
     page = output.with_suffix(".html") if report else None
     _check_outputs(output, page, overwrite=overwrite)
+    given = _with_jobs(options, people, jobs, has_board=inputs.board is not None)
     if inputs.scene_points is not None:
         if inputs.origin_points is not None:
             raise CalibrationError("The scene points define the world already: remove `origin_points`.")
-        rig = _by_scene(inputs.scene_points, recording, inputs, options, page)
+        rig = _by_scene(inputs.scene_points, recording, inputs, given.board, page)
     else:
-        rig = _by_target(recording, inputs, options, people, page)
+        rig = _by_target(recording, inputs, given, page)
     _write(rig, output, page)
 
 
+@dataclass(frozen=True)
+class _Given:
+    """Options of either kind that the user gives, or None."""
+
+    board: CalibrateOptions | None
+    people: PeopleOptions | None
+
+
+def _with_jobs(options: BoardFlags, people: PeopleFlags, jobs: int | Literal["auto"], *, has_board: bool) -> _Given:
+    """Return the options given, with the number of processes in those of the kind of calibration."""
+    by_board = None if options == BoardFlags() else options
+    by_people = None if people == PeopleFlags() else people
+    if jobs == "auto":
+        return _Given(by_board, by_people)
+    if has_board:
+        return _Given(replace(options, jobs=jobs), by_people and replace(people, jobs=jobs))
+    return _Given(by_board, replace(people, jobs=jobs))
+
+
 def _by_scene(
-    scene_points: Path, images: Path | None, inputs: CalibrationInputs, options: CalibrateOptions, page: Path | None
+    scene_points: Path,
+    images: Path | None,
+    inputs: CalibrationInputs,
+    options: CalibrateOptions | None,
+    page: Path | None,
 ) -> "CameraRig":
     """Calibrate by points of known position, print the result, and write the report."""
     from posefuse.pipeline.calibrate_scene import calibrate_scene
@@ -112,8 +152,7 @@ def _by_scene(
 def _by_target(
     recording: Path | None,
     inputs: CalibrationInputs,
-    options: CalibrateOptions,
-    people: PeopleOptions,
+    given: _Given,
     page: Path | None,
 ) -> "CameraRig":
     """Calibrate by a board or by people, print the result, and write the report."""
@@ -126,12 +165,11 @@ def _by_target(
             "`scene_points`."
         )
     if inputs.earlier is not None:
-        result = _from_earlier(recording, inputs.earlier, inputs, options, people)
+        result = _from_earlier(recording, inputs.earlier, inputs, given)
     else:
         result = run(
             recording, inputs.board, intrinsics=inputs.intrinsics, keypoints=inputs.keypoints,
-            timestamps=inputs.timestamps, options=None if options == CalibrateOptions() else options,
-            people=None if people == PeopleOptions() else people, progress=Bars(),
+            timestamps=inputs.timestamps, options=given.board, people=given.people, progress=Bars(),
         )  # fmt: skip
     if inputs.origin_points is not None:
         from posefuse.pipeline.place_calibration import place_calibration
@@ -147,7 +185,7 @@ def _by_target(
 
 
 def _from_earlier(
-    recording: Path, earlier: Path, inputs: CalibrationInputs, options: CalibrateOptions, people: PeopleOptions
+    recording: Path, earlier: Path, inputs: CalibrationInputs, given: _Given
 ) -> BoardCalibration | PeopleCalibration:
     """Calibrate after cameras were moved."""
     from posefuse.pipeline.recalibrate import recalibrate
@@ -156,8 +194,7 @@ def _from_earlier(
         raise CalibrationError("The lenses are those of the earlier calibration: remove `intrinsics`.")
     return recalibrate(
         recording, inputs.board, earlier, keypoints=inputs.keypoints, timestamps=inputs.timestamps,
-        options=None if options == CalibrateOptions() else options,
-        people=None if people == PeopleOptions() else people, progress=Bars(),
+        options=given.board, people=given.people, progress=Bars(),
     )  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from posefuse.cli.console import Bars, count, detail, note, notes, percent, say,
 from posefuse.cli.findings import AcceptFindings, exit_on_certain_faults
 from posefuse.cli.types import (
     CalibrationPath,
+    JobsFlag,
     KeypointsPath,
     OptionFlags,
     Recording,
@@ -28,6 +29,7 @@ from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.findings import Finding
 from posefuse.model.options.options import Options
+from posefuse.parallel import JobCount
 from posefuse.skeleton.subject_words import subject_words
 
 _MOST_CAMERAS = {False: 8, True: 24}
@@ -46,6 +48,15 @@ class _Inputs:
     detections: list[tuple[Path, Detections]]
 
 
+@dataclass(frozen=True)
+class CheckFlags:
+    """Flags of the recording check."""
+
+    deep: Annotated[bool, Parameter(negative="", help="Check the recording for faults by its detections.")] = False
+    accept_findings: AcceptFindings = False
+    jobs: JobsFlag = "auto"
+
+
 def inspect(
     recording: Recording,
     *,
@@ -53,8 +64,7 @@ def inspect(
     keypoints: KeypointsPath = None,
     timestamps: TimestampsPath = None,
     sync: SyncPath = None,
-    deep: Annotated[bool, Parameter(negative="", help="Check the recording for faults by its detections.")] = False,
-    accept_findings: AcceptFindings = False,
+    check: Annotated[CheckFlags, Parameter(name="*")] = CheckFlags(),
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
     """Show the calibrations and keypoints in a folder, how they were recognized, and whether they match.
@@ -84,11 +94,11 @@ def inspect(
             say("1 view needs no calibration; posefuse reconstruct gives its points in px")
     _say_ignored(ignored_in(found))
     matched = _say_matches(_Inputs(rigs, seen), options)
-    if deep and len(rigs) == len(seen) == 1:
+    if check.deep and len(rigs) == len(seen) == 1:
         if matched:
-            findings = _examine(rigs[0][1], seen[0][1], options)
-            exit_on_certain_faults(findings, accept_findings, "results are")
-    elif deep:
+            findings = _examine(rigs[0][1], seen[0][1], options, check.jobs)
+            exit_on_certain_faults(findings, check.accept_findings, "results are")
+    elif check.deep:
         raise RecordingError(
             "--deep needs one calibration and one set of keypoints. Add --calibration FILE and --keypoints PATH."
         )
@@ -103,7 +113,7 @@ def _given(path: Path, *, calibration: bool) -> RecognizedInput:
     return RecognizedInput(path, "unknown") if form is None else RecognizedInput(path, form.name, form.recognized_by)
 
 
-def _examine(rig: CameraRig, detections: Detections, options: Options) -> tuple[Finding, ...]:
+def _examine(rig: CameraRig, detections: Detections, options: Options, jobs: JobCount) -> tuple[Finding, ...]:
     """Print and return the findings of the recording check, the most severe first."""
     from posefuse.cli.verdict import say_verdict
     from posefuse.pipeline.diagnose import inspect_health
@@ -111,7 +121,7 @@ def _examine(rig: CameraRig, detections: Detections, options: Options) -> tuple[
     if detections.n_views < 2:
         say("recording check: nothing checked, because the views of one camera cannot contradict each other")
         return ()
-    found = inspect_health(rig, detections, options, progress=Bars())
+    found = inspect_health(rig, detections, options, progress=Bars(), jobs=jobs)
     if not found:
         say("recording check: no faults found")
         say_verdict(found)

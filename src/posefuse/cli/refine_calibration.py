@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from posefuse.calibration.outcome import CameraOutcome, Refinement
 from posefuse.cli.console import Bars, count, note, percent, say, table
-from posefuse.cli.types import OptionFlags, Overwrite, Recording, SyncedInputFlags, SyncedInputs, with_sync
+from posefuse.cli.types import JobsFlag, OptionFlags, Overwrite, Recording, SyncedInputFlags, SyncedInputs, with_sync
 from posefuse.model.options.options import Options
 from posefuse.model.options.refinement import Refine, RefineOptions
 
@@ -26,6 +26,7 @@ class RefineFlags:
     fix: Annotated[Names, Parameter(help="Cameras that are not refined and define the world.")] = ()
     relocate: Annotated[Names, Parameter(help="Cameras to locate without their initial poses.")] = ()
     seed: Annotated[int, Parameter(help="Random seed for locating cameras.")] = 0
+    jobs: JobsFlag = "auto"
 
 
 def refine_calibration(
@@ -54,7 +55,8 @@ def refine_calibration(
     from posefuse.cli.verdict import say_verdict
     from posefuse.pipeline.refine_recording import refine_recording
 
-    chosen = RefineOptions(refining.refine, refining.fix, refining.relocate, seed=refining.seed)
+    jobs = None if refining.jobs == "auto" else refining.jobs
+    chosen = RefineOptions(refining.refine, refining.fix, refining.relocate, seed=refining.seed, jobs=jobs)
     result, form = refine_recording(
         recording,
         output,

@@ -7,6 +7,7 @@ disagree are tested, so a fault-free recording costs one table of disagreements.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations, permutations
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from posefuse.diagnostics import epipolar
 from posefuse.diagnostics.best_order import best_order
 from posefuse.diagnostics.camera_resection import resect_camera
+from posefuse.diagnostics.coarse_correction import MIN_GAIN, CoarseCorrection, choose
 from posefuse.diagnostics.epipolar import PosedView, disagreement, disagreement_table, posed_view
 from posefuse.diagnostics.frame_rates import RATE_ERRORS, possible_errors, with_rate_error
 from posefuse.diagnostics.normalized_views import normalize_views
@@ -21,51 +23,22 @@ from posefuse.diagnostics.observations import TrackedObservations
 from posefuse.diagnostics.recording_model import ImageTransform, RecordingModel
 from posefuse.diagnostics.start_offsets import estimate_start_offsets, nan_to_inf
 from posefuse.diagnostics.work_budget import WorkBudget
+from posefuse.parallel import ONE_JOB, Jobs
 
 _NOISE_SCALES = (0.7, 1.0, 1.4, 2.0, 2.8)
 _CLEARLY_AGREES = 0.26
 AGREES = 0.4
 """Views with a lower disagreement than this agree."""
 _SUSPECT_MARGIN = 0.04
-_MIN_GAIN = 0.05
-_EQUAL_GAIN = 0.02
 _MIN_LOG_ZOOM = 0.08
 _RATE_STRIDE = 3
 """Steps between the tested time offsets at the start."""
 _SCAN_STRIDE = 3
 """Scan values on every third sample only."""
-_MIN_IMAGE_GAIN = 0.2
-"""Improvement that a turned, mirrored or resized image must bring."""
 _RESECTION_MARGIN, _MIN_RESECTION_LEVEL = 0.15, 0.45
 _IMAGE_SCALES = tuple(np.round(np.exp(np.linspace(np.log(0.25), np.log(4.0), 57)), 3))
 _COMMON_IMAGE_SCALES = (0.25, 1 / 3, 0.375, 0.5, 2 / 3, 0.75, 0.8, 1.25, 4 / 3, 1.5, 2.0, 8 / 3, 3.0, 4.0)
 _FOCAL_FACTORS = tuple(np.round(np.exp(np.linspace(np.log(0.2), np.log(5.0), 47)), 3))
-
-
-@dataclass(frozen=True)
-class CoarseCorrection:
-    """Describe one gross fault and its correction.
-
-    Attributes:
-        kind: ``image``, ``swap``, ``offset``, ``rate``, ``focal``, ``order`` or ``pose``.
-        view: index of the view; -1 if all views are affected or several exchange cameras.
-        model: recording model with the correction.
-        before: disagreement of the view with the others before the correction, 0 to 1.
-        after: disagreement after it.
-        rate_error: relative error of the frame rate; 0 for other kinds.
-    """
-
-    kind: str
-    view: int
-    model: RecordingModel
-    before: float
-    after: float
-    rate_error: float = 0.0
-
-    @property
-    def score(self) -> float:
-        """Return the improvement on the scale of a penalized gain of the fine search."""
-        return 400.0 * (self.before - self.after)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +65,11 @@ class CoarseResult:
 
 
 def search(
-    observations: TrackedObservations, frames: np.ndarray, max_offset_s: float, max_comparisons: int
+    observations: TrackedObservations,
+    frames: np.ndarray,
+    max_offset_s: float,
+    max_comparisons: int,
+    jobs: Jobs = ONE_JOB,
 ) -> CoarseResult:
     """Accept corrections as long as they help.
 
@@ -101,6 +78,7 @@ def search(
         frames: about a hundred sampled frames.
         max_offset_s: largest time offset to consider, in seconds.
         max_comparisons: bound of the work, see :class:`WorkBudget`.
+        jobs: processes that test the corrections of suspect views.
     """
     budget = WorkBudget(max_comparisons)
     model = RecordingModel.from_calibration(observations, frames)
@@ -118,7 +96,7 @@ def search(
             candidates.table(correction.model),
         )
     for _ in range(2 * observations.n_views):
-        correction = candidates.best(model, table)
+        correction = candidates.best(model, table, jobs)
         if correction is None:
             break
         corrections.append(correction)
@@ -213,7 +191,7 @@ class _CandidateSearch:
         """Return all views with their poses."""
         return epipolar.posed_views(self.observations, model, normalize_views(self.observations, model), self.scale)
 
-    def best(self, model: RecordingModel, table: np.ndarray) -> CoarseCorrection | None:
+    def best(self, model: RecordingModel, table: np.ndarray, jobs: Jobs) -> CoarseCorrection | None:
         """Return the most helpful correction, or None if none helps."""
         views = len(table)
         rows = _view_levels(table)
@@ -225,16 +203,16 @@ class _CandidateSearch:
                 return ordered
         if views > 2 and _has_core(table):
             examined = sorted(v for v in sorted(suspects, key=lambda v: -rows[v]) if self.may_examine(v))
-            candidates = [correction for v in examined for correction in self._single_view(model, table, v)]
-            chosen = _choose(candidates, level)
+            found = jobs.in_order(partial(self.of_view, model, table), examined)
+            chosen = choose([correction for each in found for correction in each], level)
             if chosen is not None:
                 return chosen
         if not _has_core(table):
-            return _choose(list(self._all_views(model, table)), level) if self.may_change_all() else None
+            return choose(list(self._all_views(model, table)), level) if self.may_change_all() else None
         if views > 2:
             far = [v for v in suspects if rows[v] > max(level + _RESECTION_MARGIN, _MIN_RESECTION_LEVEL)]
-            return _choose([correction for v in far for correction in self._resected(model, table, v)], level)
-        return _choose(list(self._single_view(model, table, 1)), level) if self.may_examine(1) else None
+            return choose([correction for v in far for correction in self._resected(model, table, v)], level)
+        return choose(self.of_view(model, table, 1), level) if self.may_examine(1) else None
 
     def _scored(
         self, kind: str, view: int, model: RecordingModel, table: np.ndarray, others: list[PosedView]
@@ -244,8 +222,11 @@ class _CandidateSearch:
         row = [np.nan if u == view else disagreement(mine, others[u]) for u in range(len(others))]
         return CoarseCorrection(kind, view, model, _level(table[view]), _level(np.array(row)))
 
+    def of_view(self, model: RecordingModel, table: np.ndarray, view: int) -> list[CoarseCorrection]:
+        """Return corrections of one view that change neither its pose nor other views."""
+        return list(self._single_view(model, table, view))
+
     def _single_view(self, model: RecordingModel, table: np.ndarray, v: int) -> Iterator[CoarseCorrection]:
-        """Yield corrections of one view that change neither its pose nor other views."""
         others = self.posed_views(model)
         few = model.frames[::_SCAN_STRIDE]
         few_others = self.posed_views(model.resampled(few))
@@ -351,7 +332,7 @@ class _CandidateSearch:
         gain = CoarseCorrection(
             "order", -1, tried, *(float(np.nanmean([_level(t[v]) for v in moved])) for t in (table, after))
         )
-        return gain if gain.before - gain.after > 2.0 * _MIN_GAIN and gain.after < AGREES else None
+        return gain if gain.before - gain.after > 2.0 * MIN_GAIN and gain.after < AGREES else None
 
     def _assignment_costs(self, model: RecordingModel) -> np.ndarray:
         """Return the disagreement of all pairs of views, each with any camera, shape (view, camera, view, camera)."""
@@ -367,18 +348,6 @@ class _CandidateSearch:
             for c, d in permutations(range(views), 2):
                 costs[a, c, b, d] = costs[b, d, a, c] = disagreement(seen[a, c], seen[b, d])
         return costs
-
-
-def _choose(corrections: list[CoarseCorrection], level: float) -> CoarseCorrection | None:
-    """Return the correction that leaves the least disagreement; among equals the simplest, which comes first."""
-    with_requirement = [
-        (g, max(_MIN_IMAGE_GAIN if g.kind == "image" else _MIN_GAIN, 0.5 * (g.before - level))) for g in corrections
-    ]
-    helpful = [g for g, required in with_requirement if g.before - g.after > required]
-    if not helpful:
-        return None
-    largest = max(g.before - g.after for g in helpful)
-    return next(g for g in helpful if g.before - g.after > largest - _EQUAL_GAIN)
 
 
 def _view_levels(table: np.ndarray) -> np.ndarray:

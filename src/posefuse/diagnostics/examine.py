@@ -15,6 +15,7 @@ from posefuse.diagnostics.observations import TrackedObservations, sample_frames
 from posefuse.diagnostics.recording_model import RecordingModel
 from posefuse.diagnostics.sample_points import triangulate_samples
 from posefuse.diagnostics.verdict import judge
+from posefuse.parallel import ONE_JOB, Jobs
 
 _COARSE_SPACING_S, _MIN_COARSE_SAMPLES, _MAX_COARSE_COLUMNS = 0.1, 100, 13
 _MAX_COARSE_POINTS = _MIN_COARSE_SAMPLES * _MAX_COARSE_COLUMNS
@@ -51,6 +52,7 @@ def examine(
     observations: TrackedObservations,
     effort: Effort = DEEP,
     groups: Sequence[str] = ("pose", "lens", "clock"),
+    jobs: Jobs = ONE_JOB,
 ) -> Examination:
     """Search for the faults of a recording.
 
@@ -58,6 +60,7 @@ def examine(
         observations: of the recording.
         effort: how closely to look.
         groups: which small faults to consider: ``pose``, ``lens``, ``clock``.
+        jobs: processes that test the corrections of suspect views.
     """
     frames = _samples(observations, effort.min_spacing_s, effort.max_samples)
     if observations.n_views < 2 or len(frames) < _MIN_SAMPLES or not len(observations.keypoint_index):
@@ -65,7 +68,7 @@ def examine(
     subset = observations.select_columns(_coarse_columns(len(observations.keypoint_index), observations.mirror_column))
     most = max(_MIN_COARSE_SAMPLES, _MAX_COARSE_POINTS // len(subset.keypoint_index))
     coarse_frames = _samples(observations, _COARSE_SPACING_S, most)
-    coarse = coarse_search.search(subset, coarse_frames, effort.max_offset_s, effort.max_comparisons)
+    coarse = coarse_search.search(subset, coarse_frames, effort.max_offset_s, effort.max_comparisons, jobs)
     model = coarse.model.resampled(frames)
     shares, corrected = np.zeros(observations.n_views), observations
     if not coarse.views_agree:

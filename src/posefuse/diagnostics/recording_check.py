@@ -13,6 +13,7 @@ from posefuse.model.findings import Finding
 from posefuse.model.options.sync import SyncOptions
 from posefuse.model.subjects import Subjects
 from posefuse.model.tracks import Tracks
+from posefuse.parallel import ONE_JOB, Jobs
 
 _MAX_EXAMINED_S, _PIECES = 180.0, 9
 
@@ -25,7 +26,9 @@ def collect_observations(rig: CameraRig, detections: Detections, subjects: Subje
     return gather_observations(rig, detections.pieces(spans), tracks, tuple(starts.tolist()))
 
 
-def find_faults(rig: CameraRig, detections: Detections, subjects: Subjects, effort: Effort) -> tuple[Finding, ...]:
+def find_faults(
+    rig: CameraRig, detections: Detections, subjects: Subjects, effort: Effort, jobs: Jobs = ONE_JOB
+) -> tuple[Finding, ...]:
     """Return the faults of a recording, the most harmful first.
 
     Args:
@@ -33,8 +36,9 @@ def find_faults(rig: CameraRig, detections: Detections, subjects: Subjects, effo
         detections: 2D keypoints.
         subjects: assignment of detections to people.
         effort: how closely to look.
+        jobs: processes that test the corrections of suspect views.
     """
-    return list_findings(examine(collect_observations(rig, detections, subjects), effort))
+    return list_findings(examine(collect_observations(rig, detections, subjects), effort, jobs=jobs))
 
 
 def measure_timing(

@@ -112,9 +112,10 @@ def calibrate(
     if has_people:
         from posefuse.pipeline.calibrate_combined import calibrate_combined
 
+        options = options or CalibrateOptions()
         return calibrate_combined(
             images, board, PeopleSource(recording, keypoints, timestamps), intrinsics=intrinsics,
-            options=options or CalibrateOptions(), people=people or PeopleOptions(), progress=progress or Silent(),
+            options=options, people=people or PeopleOptions(jobs=options.jobs), progress=progress or Silent(),
         )  # fmt: skip
     from posefuse.pipeline.calibrate_board import calibrate_by_board
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from posefuse.arguments import checked
 from posefuse.calibration.people.estimate import PeopleEstimate, estimate_people
+from posefuse.calibration.people.identities import useful_jobs
 from posefuse.calibration.people.match import match_views
 from posefuse.calibration.people.result import PeopleCalibration
 from posefuse.calibration.people.tracks import tracks_in_views
@@ -16,6 +17,7 @@ from posefuse.io.calibration.read import read_cameras
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.options.calibration import PeopleOptions
+from posefuse.parallel import Jobs, number_of_jobs
 from posefuse.pipeline.people_inputs import cameras_of, read_people
 from posefuse.pipeline.people_result import people_result
 from posefuse.pipeline.people_world import PeopleWorld, people_world
@@ -108,7 +110,8 @@ def match_people(
     cameras, focal_known = cameras_of(detections.view_names, known, folder, options, source.image_sizes)
     views = replace(tracks_in_views(detections, cameras, focal_known), max_offset_s=options.max_offset_s)
     progress.start("match views", len(cameras))
-    matched = match_views(views, options.seed)
+    with Jobs(number_of_jobs(options.jobs or "auto", useful_jobs(views))) as jobs:
+        matched = match_views(views, options.seed, jobs)
     progress.finish()
     return matched
 

@@ -20,11 +20,11 @@ from posefuse.model.findings import Finding
 from posefuse.model.options.options import Options
 from posefuse.model.options.sync import SyncOptions
 from posefuse.model.subjects import Subjects
-from posefuse.parallel import ONE_JOB, Jobs
+from posefuse.parallel import ONE_JOB, JobCount, Jobs, number_of_jobs
 from posefuse.pipeline.defaults import RecordingFacts, cut_time, resolve_people
 from posefuse.pipeline.people.find_subjects import find_subjects
 from posefuse.pipeline.people.stills import STILLS
-from posefuse.pipeline.plan import Plan
+from posefuse.pipeline.plan import Plan, useful_jobs
 from posefuse.preprocess.match_cameras import match_views
 from posefuse.preprocess.time_offsets import shift_views
 from posefuse.progress import Progress, Silent
@@ -68,6 +68,7 @@ def inspect_health(
     *,
     inputs: RecordingInputs | None = None,
     progress: Progress | None = None,
+    jobs: JobCount = 1,
 ) -> tuple[Finding, ...]:
     """Find the problems of a recording from its own detections; the page "Diagnostics" explains them.
 
@@ -77,6 +78,7 @@ def inspect_health(
         options: options as of :func:`reconstruct`; those that assign detections to people are used, and ``sync``.
         inputs: paths of inputs that are not found in the folder or are ambiguous there.
         progress: receives the progress.
+        jobs: number of processes; "auto" uses the physical cores if the recording is long enough.
 
     Returns:
         Findings, the most serious first.
@@ -91,7 +93,9 @@ def inspect_health(
         rig, detections = opened.rig, opened.detections
     elif detections is None:
         raise DetectionsError("inspect_health needs detections in addition to the rig, or the folder of a recording.")
-    return recording_check.find_faults(*_with_subjects(rig, detections, options, progress), DEEP)
+    with Jobs(number_of_jobs(jobs, useful_jobs(detections))) as workers:
+        checked_views = _with_subjects(rig, detections, options, progress, workers)
+        return recording_check.find_faults(*checked_views, DEEP, workers)
 
 
 @checked
@@ -154,20 +158,36 @@ def judge_sync(
     return timings, recording_check.sync_options(timings), list_findings(examination)
 
 
-def judge_poses(
-    rig: CameraRig, detections: Detections, options: Options, progress: Progress
-) -> tuple[tuple[Finding, ...], dict[str, tuple[float, float]]]:
-    """Return the findings of :func:`inspect_health`, and the standard deviations of the poses in degrees and m.
+PoseSds = dict[str, tuple[float, float]]
+"""Name of a camera -> standard deviations of its pose in degrees and m."""
 
-    There are no standard deviations if the views do not agree well enough.
+
+def begin_judging(
+    rig: CameraRig, detections: Detections, options: Options, jobs: Jobs = ONE_JOB
+) -> Callable[[], tuple[tuple[Finding, ...], PoseSds]]:
+    """Begin to judge poses, and return the function that waits for the result.
+
+    The result are the findings of :func:`inspect_health`, and the standard deviations of the poses, which are empty if
+    the views do not agree well enough.
+
+    Args:
+        rig: calibrated cameras.
+        detections: 2D keypoints.
+        options: options as of :func:`inspect_health`.
+        jobs: processes, of which one judges.
     """
-    examination = examine(collect_observations(*_with_subjects(rig, detections, options, progress)))
+    return jobs.begin(_judge_poses, (rig, detections, options))
+
+
+def _judge_poses(given: tuple[CameraRig, Detections, Options]) -> tuple[tuple[Finding, ...], PoseSds]:
+    rig, detections, options = given
+    examination = examine(collect_observations(*_with_subjects(rig, detections, options, Silent())))
     sds = {} if examination.verdict is None else examination.verdict.pose_sds()
     return list_findings(examination), sds
 
 
 def _with_subjects(
-    rig: CameraRig, detections: Detections, options: Options, progress: Progress
+    rig: CameraRig, detections: Detections, options: Options, progress: Progress, jobs: Jobs = ONE_JOB
 ) -> tuple[CameraRig, Detections, Subjects]:
     """Return the matched cameras and views, and the assignment of detections to people."""
     if options.rate_hz is not None and detections.rate_hz is None:
@@ -185,4 +205,4 @@ def _with_subjects(
             "unrelated (`people='stills'`, which \"auto\" selects for frames more than 2 s apart). `people='many'` "
             "tracks people nevertheless."
         )
-    return rig, detections, find_subjects(rig, detections, options, progress)[0]
+    return rig, detections, find_subjects(rig, detections, options, progress, jobs=jobs)[0]

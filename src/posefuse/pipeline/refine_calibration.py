@@ -213,7 +213,11 @@ def _outcome(
     """Return the refinement, evaluated on the frames held out."""
     held_out = held_out_frames(source.n_frames)
     kept = state.rig.names
-    old, new = source.triangulate(matched), source.triangulate(state.rig)
+    assert state.first is not None
+    rig, old = state.first
+    if rig.cameras != matched.cameras:
+        old = source.triangulate(matched)
+    new = source.triangulate(state.rig)
     n_old, n = len(matched), len(kept)
     before_px, before_used = old.medians(n_old, held_out), old.shares(n_old, held_out)
     after_px, after_used = new.medians(n, held_out), new.shares(n, held_out)

@@ -19,7 +19,9 @@ from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
 from posefuse.model.options.refinement import RefineOptions
-from posefuse.pipeline.diagnose import judge_poses
+from posefuse.parallel import Jobs, number_of_jobs
+from posefuse.pipeline.diagnose import begin_judging
+from posefuse.pipeline.plan import useful_jobs
 from posefuse.pipeline.refine_calibration import refine_calibration
 from posefuse.progress import Progress, Silent
 
@@ -68,25 +70,34 @@ def refine_recording(
     check_name(output, calibration)
     if source == "board":
         options, refining = replace(options, people="one"), replace(refining, rigid=True)
-    result = refine_calibration(rig, detections, options, refining, progress=progress)
-    if source == "keypoints":
-        result = with_verdict(result, rig, detections, options, progress)
+    if source == "board":
+        result = refine_calibration(rig, detections, options, refining, progress=progress)
+    else:
+        result = refine_by_keypoints(rig, detections, options, refining, progress)
     return result, write_like(_with_notes(result, calibration, source), output, calibration)
 
 
-def with_verdict(
-    result: Refinement, rig: CameraRig, detections: Detections, options: Options, progress: Progress
+def refine_by_keypoints(
+    rig: CameraRig, detections: Detections, options: Options, refining: RefineOptions, progress: Progress
 ) -> Refinement:
-    """Return a refinement by people with what the recording check says, and at least its standard deviations.
+    """Refine a calibration by people, with what the recording check says, and at least its standard deviations.
+
+    With several processes, one checks the recording while the calibration is refined.
 
     Args:
-        result: the refinement.
         rig: the original calibration.
         detections: keypoints of the recording.
         options: views and frames to use, and how they are triangulated.
+        refining: parameters to refine.
         progress: receives the progress.
+
+    Raises:
+        CalibrationError: if the observations do not determine the cameras.
     """
-    findings, sds = judge_poses(rig, detections, options, progress)
+    with Jobs(number_of_jobs(refining.jobs or "auto", useful_jobs(detections))) as jobs:
+        judged = begin_judging(rig, detections, options, jobs)
+        result = refine_calibration(rig, detections, options, refining, progress=progress)
+        findings, sds = judged()
     cameras = tuple(with_slow_errors(camera, *sds.get(camera.name, (0.0, 0.0))) for camera in result.cameras)
     return replace(result, findings=findings, cameras=cameras)
 

@@ -11,7 +11,7 @@ from posefuse.calibration.parameters import N_PARAMETERS, apply_changes
 from posefuse.errors import CalibrationError, MatchError, OptionsError
 from posefuse.model.detections import Detections
 from posefuse.model.options.refinement import RefineOptions
-from posefuse.pipeline.refine_calibration import refine_calibration
+from posefuse.pipeline.refine_calibration import RecordingSource, refine_calibration
 from posefuse.skeleton.skeletons import Skeleton
 from tests.scenes import ring
 
@@ -140,3 +140,16 @@ def test_cameras_that_remain_are_adjusted_again(repetition, monkeypatch):
     result = refine_calibration(moved(truth, "cam_0", x_m=0.02), observe(truth), ONE)
     assert result.rig.names == ("cam_0", "cam_1", "cam_2")
     assert len(calls) == max(4, repetition + 1)
+
+
+def test_given_cameras_are_triangulated_once(monkeypatch):
+    rigs, triangulate = [], RecordingSource.triangulate
+
+    def counted(source, rig):
+        rigs.append(rig)
+        return triangulate(source, rig)
+
+    monkeypatch.setattr(RecordingSource, "triangulate", counted)
+    truth = ring(4)
+    refine_calibration(moved(truth, "cam_2", x_m=0.02), observe(truth), ONE)
+    assert not any(rig.cameras == rigs[0].cameras for rig in rigs[1:])

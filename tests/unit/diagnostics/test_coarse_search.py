@@ -10,6 +10,7 @@ from posefuse.association.one_subject import SingleSubject
 from posefuse.diagnostics import recording_check
 from posefuse.diagnostics.examine import SHORT
 from posefuse.model.findings import FindingKind
+from posefuse.parallel import Jobs
 from tests.scenes import ring, simulate_detections
 
 
@@ -64,3 +65,18 @@ def test_option_disables_the_check(health):
     with pytest.warns(posefuse.PosefuseWarning):
         result = posefuse.reconstruct(rig, detections, posefuse.Options(health=health, solve="frame"))
     assert bool(result.findings) == (health == "on")
+
+
+def test_findings_do_not_depend_on_the_number_of_processes():
+    """Two views with gross faults: one has another focal length, the other is turned."""
+    rng, rig = np.random.default_rng(6), ring(5)
+    detections = simulate_detections(rig, moving_body(rng), rng, rate_hz=30.0)
+    cameras = list(rig.cameras)
+    cameras[1] = replace(cameras[1], matrix=cameras[1].matrix * np.array([[1.6, 1.0, 1.0], [1.0, 1.6, 1.0], [1.0] * 3]))
+    cameras[3] = replace(cameras[3], camera_from_world=np.diag([-1.0, -1.0, 1.0, 1.0]) @ cameras[3].camera_from_world)
+    rig, subject = replace(rig, cameras=tuple(cameras)), SingleSubject.of(detections, None)
+    alone = recording_check.find_faults(rig, detections, subject, SHORT)
+    with Jobs(2) as jobs:
+        together = recording_check.find_faults(rig, detections, subject, SHORT, jobs)
+    assert {FindingKind.FOCAL_LENGTH, FindingKind.IMAGE_TRANSFORM} <= {finding.kind for finding in alone}
+    assert together == alone

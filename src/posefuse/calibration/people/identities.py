@@ -11,17 +11,20 @@ from itertools import combinations
 
 import numpy as np
 
-from posefuse.calibration.people.bearings import bearings_of
+from posefuse.calibration.people.bearings import Bearings, bearings_of
 from posefuse.calibration.people.pairs import PairGeometry
 from posefuse.calibration.people.pictures import with_common_people_in_pictures
 from posefuse.calibration.people.shared_people import CLEARLY_EXPLAINED, SharedPeople, shared_people
 from posefuse.calibration.people.views import PeopleViews, ViewTracks
 from posefuse.errors import CalibrationError
+from posefuse.parallel import ONE_JOB, Jobs
 
 MOST_PEOPLE = 8
 """Most people that are used; those with the most observations in several views are kept."""
 _MAX_LOOP_DEG = 25.0
 _MAX_LOOP_S = 0.25
+_COMPARED_PER_JOB = 16
+"""Pairs of tracks whose comparison takes longer than the start of a process."""
 
 Track = tuple[int, int]
 """View and index of a track in it."""
@@ -40,13 +43,20 @@ class Identities:
     relations: Mapping[tuple[int, int], SharedPeople]
 
 
-def common_people(people: PeopleViews, seed: int = 0) -> PeopleViews:
+def useful_jobs(people: PeopleViews) -> int:
+    """Return the number of processes beyond which matching the tracks of views does not profit."""
+    counts = [view.keypoints_px.shape[1] for view in people.views]
+    return max(sum(a * b for a, b in combinations(counts, 2)) // _COMPARED_PER_JOB, 1)
+
+
+def common_people(people: PeopleViews, seed: int = 0, jobs: Jobs = ONE_JOB) -> PeopleViews:
     """Return the views with person axes that agree.
 
     Args:
         people: tracks of each view, or people of unrelated pictures, without a relation between the views. Views that
             hold one track each show the same person.
         seed: random seed.
+        jobs: processes that compare pairs of views.
 
     Raises:
         CalibrationError: if no two views have a person in common.
@@ -54,7 +64,7 @@ def common_people(people: PeopleViews, seed: int = 0) -> PeopleViews:
     if max(view.keypoints_px.shape[1] for view in people.views) == 1:
         return people
     if people.tracked:
-        common = with_common_people(people, seed=seed)
+        common = with_common_people(people, seed=seed, jobs=jobs)
     else:
         common = with_common_people_in_pictures(people, seed=seed)
     if not np.any(np.sum(np.array(people_table(common)) >= 0, axis=1) > 1):
@@ -88,32 +98,47 @@ def strangers(people: PeopleViews, common: PeopleViews, names: Iterable[str]) ->
     }
 
 
-def with_common_people(people: PeopleViews, *, seed: int = 0) -> PeopleViews:
+def with_common_people(people: PeopleViews, *, seed: int = 0, jobs: Jobs = ONE_JOB) -> PeopleViews:
     """Return the views with person axes that agree; tracks that match no track of another view are left out.
 
     Args:
         people: tracks of each view, without a relation between the views.
         seed: random seed.
+        jobs: processes that compare pairs of views.
     """
-    found = identify_people(people, seed=seed)
+    found = identify_people(people, seed=seed, jobs=jobs)
     views = [_renumbered(view, v, found.people) for v, view in enumerate(people.views)]
     return replace(people, views=tuple(views))
 
 
-def identify_people(people: PeopleViews, *, seed: int = 0) -> Identities:
+def identify_people(people: PeopleViews, *, seed: int = 0, jobs: Jobs = ONE_JOB) -> Identities:
     """Return which tracks of the views show the same person; arguments as of :func:`with_common_people`."""
     bearings = [bearings_of(view, people.skeleton) for view in people.views]
-    relations: dict[tuple[int, int], SharedPeople] = {}
-    for a, b in combinations(range(len(bearings)), 2):
-        found = shared_people(bearings[a], bearings[b], max_offset_s=people.max_offset_s, seed=seed)
-        if found is not None:
-            relations[a, b] = found
+    pairs = (
+        ((a, b), _TwoViews(bearings[a], bearings[b], people.max_offset_s, seed))
+        for a, b in combinations(range(len(bearings)), 2)
+    )
+    relations = {views: found for views, found in jobs.in_order_with(_shared_people, pairs) if found is not None}
     trusted = _trusted(relations)
     seen = [_seen_times(view) for view in people.views]
     groups = _groups(relations, trusted, seen)
     counts = [sum(int(seen[v][:, t].sum()) for v, t in group) for group in groups]
     order = np.argsort(-np.array(counts, dtype=float), kind="stable")[:MOST_PEOPLE]
     return Identities(tuple(tuple(sorted(groups[k])) for k in order), {pair: relations[pair] for pair in trusted})
+
+
+@dataclass(frozen=True, eq=False)
+class _TwoViews:
+    """Two views to compare, with the arguments of :func:`shared_people`."""
+
+    a: Bearings
+    b: Bearings
+    max_offset_s: float
+    seed: int
+
+
+def _shared_people(pair: _TwoViews) -> SharedPeople | None:
+    return shared_people(pair.a, pair.b, max_offset_s=pair.max_offset_s, seed=pair.seed)
 
 
 def _seen_times(view: ViewTracks) -> np.ndarray:

@@ -5,7 +5,7 @@ with a bundle adjustment over bodies with rigid bones. Left and right sides are 
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -24,7 +24,7 @@ from posefuse.calibration.people.conditions import (
 )
 from posefuse.calibration.people.cross_validation import check_prediction
 from posefuse.calibration.people.identities import common_people, people_table, strangers
-from posefuse.calibration.people.pairs import relate_pair
+from posefuse.calibration.people.pairs import PairGeometry, relate_pair
 from posefuse.calibration.people.rates import at_rate, rig_rates
 from posefuse.calibration.people.repeated_motion import check_repeated_motion
 from posefuse.calibration.people.rigs import N_SAMPLES, People, Rig, later, with_exact_times
@@ -35,6 +35,7 @@ from posefuse.calibration.people.time_search import GRID_S, rig_offsets
 from posefuse.calibration.people.views import MatchedViews, PeopleViews, ViewTracks
 from posefuse.errors import CalibrationError
 from posefuse.model.cameras import Camera
+from posefuse.parallel import ONE_JOB, Jobs
 
 _GAIN = 1.15
 """Factor by which time offsets must explain the motion better than synchronized views."""
@@ -42,31 +43,47 @@ _POOR_COST, _RATE_GAIN = 1.6, 1.1
 _TWO, _FEW = 2, 3
 
 
-def match_views(people: PeopleViews, seed: int = 0) -> MatchedViews:
+@dataclass(frozen=True, eq=False)
+class RigSearch:
+    """How the rig of some views is searched for.
+
+    Attributes:
+        max_offset_s: bound of the time offsets.
+        seed: random seed.
+        jobs: processes that relate pairs of views.
+    """
+
+    max_offset_s: float
+    seed: int = 0
+    jobs: Jobs = ONE_JOB
+
+
+def match_views(people: PeopleViews, seed: int = 0, jobs: Jobs = ONE_JOB) -> MatchedViews:
     """Estimate an approximate calibration of views of one or several people, whose correspondence is not known.
 
     Args:
         people: observations. If a view has several tracks, those of the same person are found first; tracks that only
             one view has are left out.
         seed: random seed.
+        jobs: processes that relate pairs of views.
 
     Raises:
         CalibrationError: if no two views can be related, or the views form unrelated groups; the message says what to
             film.
     """
-    common = common_people(people, seed)
-    matched = match_people(common, people_table(common), seed)
+    common = common_people(people, seed, jobs)
+    matched = match_people(common, people_table(common), RigSearch(people.max_offset_s, seed, jobs))
     left_out = {**matched.left_out, **strangers(people, common, matched.left_out)}
     return replace(matched, left_out=left_out, notes=(*people.notes, *matched.notes))
 
 
-def match_people(people: PeopleViews, table: People, seed: int = 0) -> MatchedViews:
+def match_people(people: PeopleViews, table: People, search: RigSearch) -> MatchedViews:
     """Estimate an approximate calibration of views of people whose correspondence is known.
 
     Args:
         people: observations.
         table: index of each person in every view, -1 where a view does not observe it.
-        seed: random seed.
+        search: how to search.
 
     Raises:
         CalibrationError: if no two views can be related, or the views form unrelated groups.
@@ -78,7 +95,7 @@ def match_people(people: PeopleViews, table: People, seed: int = 0) -> MatchedVi
     table = [[person[v] for v in used] for person in table]
     focal_known = np.array([people.views[v].focal_known for v in used])
     bones = bones_of(people.skeleton, views[0].keypoints)
-    agreeing, rig = _agreeing_views(views, table, bones, focal_known, seed, people.max_offset_s)
+    agreeing, rig = _agreeing_views(views, table, bones, focal_known, search)
     left_out |= {views[v].name: _rejection(0.0) for v in range(len(views)) if v not in agreeing}
     left_out |= {views[agreeing[v]].name: _rejection(median) for v, median in rig.assembly.rejected.items()}
     timed = [at_rate(views[v], rate) for v, rate in zip(agreeing, rig.rate, strict=True)]
@@ -96,7 +113,7 @@ def _of_views(table: People, views: Sequence[int]) -> list[list[int]]:
 
 
 def _agreeing_views(
-    views: Sequence[Bearings], table: People, bones: Bones, focal_known: np.ndarray, seed: int, max_offset_s: float
+    views: Sequence[Bearings], table: People, bones: Bones, focal_known: np.ndarray, search: RigSearch
 ) -> tuple[list[int], Rig]:
     """Return the views that agree, and their rig, in which some may be rejected.
 
@@ -106,19 +123,19 @@ def _agreeing_views(
     used = list(range(len(views)))
     while True:
         chosen, people = [views[v] for v in used], _of_views(table, used)
-        rig = best_rig(chosen, people, bones, focal_known[used], seed, max_offset_s)
+        rig = best_rig(chosen, people, bones, focal_known[used], search)
         if rig is None:
-            raise CalibrationError(no_agreement([view.name for view in chosen], max_offset_s))
-        rest = related_rest(chosen, people, rig.assembly, seed)
+            raise CalibrationError(no_agreement([view.name for view in chosen], search.max_offset_s))
+        rest = related_rest(chosen, people, rig.assembly, search.seed)
         if rest:
             raise CalibrationError(groups_error(chosen, rig.assembly.views, rest))
-        weakest, gain = weakest_view(chosen, people, bones, focal_known[used], rig, seed)
+        weakest, gain = weakest_view(chosen, people, bones, focal_known[used], rig, search.seed)
         if gain > (CLEAR_GAIN if len(rig.assembly.views) < min(len(used), _FEW) else MIN_GAIN):
             return used, rig
         if len(used) == _FEW:
-            return _best_pair(views, table, bones, focal_known, used, seed, max_offset_s)
+            return _best_pair(views, table, bones, focal_known, used, search)
         if len(used) < _FEW:
-            raise CalibrationError(no_agreement([view.name for view in chosen], max_offset_s))
+            raise CalibrationError(no_agreement([view.name for view in chosen], search.max_offset_s))
         used.remove(used[weakest])
 
 
@@ -128,8 +145,7 @@ def _best_pair(
     bones: Bones,
     focal_known: np.ndarray,
     used: Sequence[int],
-    seed: int,
-    max_offset_s: float,
+    search: RigSearch,
 ) -> tuple[list[int], Rig]:
     """Return the two of some views that agree best, and their rig.
 
@@ -142,13 +158,13 @@ def _best_pair(
     for pair in combinations(used, 2):
         chosen, people = [views[v] for v in pair], _of_views(table, pair)
         shared = _of_both(table, pair)
-        rig = best_rig(chosen, people, bones, focal_known[list(pair)], seed, max_offset_s) if shared else None
+        rig = best_rig(chosen, people, bones, focal_known[list(pair)], search) if shared else None
         if rig is not None:
-            gain = weakest_view(chosen, people, bones, focal_known[list(pair)], rig, seed)[1]
+            gain = weakest_view(chosen, people, bones, focal_known[list(pair)], rig, search.seed)[1]
             found.append((gain, list(pair), rig))
     gain, best, rig = max(found, key=lambda each: each[0], default=(0.0, [], None))
     if rig is None or gain <= (CLEAR_GAIN if len(found) > 1 else MIN_GAIN):
-        raise CalibrationError(no_agreement([views[v].name for v in used], max_offset_s))
+        raise CalibrationError(no_agreement([views[v].name for v in used], search.max_offset_s))
     return best, rig
 
 
@@ -159,34 +175,35 @@ def _of_both(table: People, pair: Sequence[int]) -> tuple[tuple[int, int], ...]:
 
 
 def best_rig(
-    views: Sequence[Bearings], table: People, bones: Bones, focal_known: np.ndarray, seed: int, max_offset_s: float
+    views: Sequence[Bearings], table: People, bones: Bones, focal_known: np.ndarray, search: RigSearch
 ) -> Rig | None:
     """Return the best rig; where views do not agree, some of them may have a wrong frame rate."""
-    best = _rig_at_rates(views, table, bones, focal_known, seed, max_offset_s)
+    best = _rig_at_rates(views, table, bones, focal_known, search)
     if best is None or best.assembly.rejected or best.assembly.cost > _POOR_COST:
-        rate = rig_rates(views, table, max_offset_s)
+        rate = rig_rates(views, table, search.max_offset_s)
         if (rate != 1.0).any():
             timed = [at_rate(view, ratio) for view, ratio in zip(views, rate, strict=True)]
-            other = _rig_at_rates(timed, table, bones, focal_known, seed, max_offset_s)
+            other = _rig_at_rates(timed, table, bones, focal_known, search)
             if other is not None and (best is None or other.assembly.support > _RATE_GAIN * best.assembly.support):
                 return replace(other, rate=rate)
     return best
 
 
 def _rig_at_rates(
-    views: Sequence[Bearings], table: People, bones: Bones, focal_known: np.ndarray, seed: int, max_offset_s: float
+    views: Sequence[Bearings], table: People, bones: Bones, focal_known: np.ndarray, search: RigSearch
 ) -> Rig | None:
     """Return the best rig: with synchronized views, or with time offsets if they explain the motion better."""
     rate = np.ones(len(views))
-    apart = [start for start in rig_offsets(views, table, rate, max_offset_s) if np.abs(start).max() > GRID_S]
+    apart = [start for start in rig_offsets(views, table, rate, search.max_offset_s) if np.abs(start).max() > GRID_S]
     rigs: list[Rig] = []
     for start in (np.zeros(len(views)), *apart):
         samples = sample_bodies(views, table, start, rate, N_SAMPLES)
-        edges = {
-            (a, b): relate_pair(views[a], views[b], shared, offsets_s=[start[b] - start[a]], seed=seed)
+        pairs = (
+            ((a, b), _TwoViews(views[a], views[b], shared, float(start[b] - start[a]), search.seed))
             for a, b in combinations(range(len(views)), 2)
             if (shared := _of_both(table, (a, b)))
-        }
+        )
+        edges = dict(search.jobs.in_order_with(_related, pairs))
         if not start.any():
             check_parallax([view.name for view in views], edges)
         elif not has_parallax(edges):
@@ -198,6 +215,21 @@ def _rig_at_rates(
         return rigs[0] if rigs else None
     best = max(rigs[1:], key=_plausibility)
     return best if _is_clearly_better(best.assembly, rigs[0].assembly) else rigs[0]
+
+
+@dataclass(frozen=True, eq=False)
+class _TwoViews:
+    """Two views to relate, with the arguments of :func:`relate_pair`."""
+
+    a: Bearings
+    b: Bearings
+    people: tuple[tuple[int, int], ...]
+    offset_s: float
+    seed: int
+
+
+def _related(pair: _TwoViews) -> list[PairGeometry]:
+    return relate_pair(pair.a, pair.b, pair.people, offsets_s=[pair.offset_s], seed=pair.seed)
 
 
 def _plausibility(rig: Rig) -> tuple[int, float]:

@@ -52,6 +52,7 @@ class PeopleOptions:
         image_size: Width and height of the images, if neither the lenses nor videos beside the keypoints state it.
         max_offset_s: Largest difference of start times.
         seed: Random seed of the search for views.
+        jobs: Number of processes; by default the physical cores where it pays.
     """
 
     stature_m: float | None = option(None, above=0.0, at_most=100.0, example="1.78")
@@ -63,6 +64,7 @@ class PeopleOptions:
     image_size: tuple[int, ...] = option((), at_least=1, unit="px", lengths=(0, 2), example="[1920, 1080]")
     max_offset_s: float = option(2.0, at_least=0.0, at_most=60.0)
     seed: int = option(0, at_least=0, unit="")
+    jobs: int | None = option(None, at_least=1, unit="")
 
     def __post_init__(self) -> None:
         check_fields(self, "")

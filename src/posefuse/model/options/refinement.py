@@ -22,6 +22,7 @@ class RefineOptions:
         max_points: Maximum number of points in the bundle adjustment.
         seed: Random seed of the samples from which cameras are located.
         rigid: Treat the points as those of a rigid board seen in many poses, not of a moving subject.
+        jobs: Number of processes; by default the physical cores where it pays.
     """
 
     refine: Refine = "extrinsics"
@@ -30,6 +31,7 @@ class RefineOptions:
     max_points: int = option(6000, at_least=200)
     seed: int = option(0, at_least=0)
     rigid: bool = False
+    jobs: int | None = option(None, at_least=1, unit="")
 
     def __post_init__(self) -> None:
         check_fields(self, "")

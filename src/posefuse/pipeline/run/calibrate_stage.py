@@ -20,12 +20,12 @@ from posefuse.io.open_recording import digest_path
 from posefuse.model.calibration_summary import CalibrationSummary
 from posefuse.model.detections import Detections
 from posefuse.model.options.calibration import PeopleOptions
+from posefuse.model.options.refinement import RefineOptions
 from posefuse.model.options.sync import SyncOptions
 from posefuse.pipeline.calibrate_board import calibrate_by_board
 from posefuse.pipeline.calibrate_people import calibrate_by_people
 from posefuse.pipeline.calibration_report import write_calibration_report
-from posefuse.pipeline.refine_calibration import refine_calibration
-from posefuse.pipeline.refine_recording import with_verdict
+from posefuse.pipeline.refine_recording import refine_by_keypoints
 from posefuse.pipeline.run.lens_stage import board_digest, board_of, lens_inputs
 from posefuse.pipeline.run.plan import RunPlan
 from posefuse.pipeline.run.view_facts import shortest_s
@@ -71,7 +71,7 @@ def calibration_inputs(plan: RunPlan) -> dict[str, Any]:
             "options": asdict(replace(run.by_board, jobs=None)),
         }
         return values
-    return values | {"options": asdict(run.by_people), "max_offset_s": run.max_offset_s}
+    return values | {"options": asdict(replace(run.by_people, jobs=None)), "max_offset_s": run.max_offset_s}
 
 
 def _digest(plan: RunPlan, text: str | None) -> str:
@@ -166,8 +166,8 @@ def refine(plan: RunPlan, calibration: Path, detections: Detections, output: Pat
         CalibrationError: if the people do not determine the cameras.
     """
     rig = read_cameras(calibration, length_unit=plan.options.length_unit, up=plan.options.up)
-    result = refine_calibration(rig, detections, plan.options, progress=progress)
-    result = with_verdict(result, rig, detections, plan.options, progress)
+    refining = RefineOptions(jobs=plan.choices.by_people.jobs)
+    result = refine_by_keypoints(rig, detections, plan.options, refining, progress)
     output.unlink(missing_ok=True)
     if result.predicts_better:
         notes = (

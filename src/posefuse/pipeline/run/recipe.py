@@ -173,13 +173,14 @@ def _carry_out(
 
 
 def _with_jobs(plan: RunPlan, jobs: JobCount) -> RunPlan:
-    """Return the plan with a number of detectors and threads, where its options name none."""
+    """Return the plan with a number of detectors, threads and processes, where its options name none."""
     if jobs == "auto":
         return plan
     run = plan.choices
     detect = replace(run.detect, jobs=run.detect.jobs or jobs)
     by_board = replace(run.by_board, jobs=run.by_board.jobs or jobs)
-    return replace(plan, choices=replace(run, detect=detect, by_board=by_board))
+    by_people = replace(run.by_people, jobs=run.by_people.jobs or jobs)
+    return replace(plan, choices=replace(run, detect=detect, by_board=by_board, by_people=by_people))
 
 
 @checked

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from posefuse.calibration.people.identities import identify_people, strangers, with_common_people
+from posefuse.calibration.people.identities import identify_people, strangers, useful_jobs, with_common_people
 from posefuse.calibration.people.match import match_views
 from posefuse.errors import CalibrationError
+from posefuse.parallel import Jobs
 from tests.filmed_people import pose_errors
 from tests.unit.calibration.people.crowd_views import crowd_views
 
@@ -62,6 +63,22 @@ def test_cameras_of_a_crowd_are_matched(crowd):
     assert np.median(rotations_deg) < 2.0
     assert scale == pytest.approx(1.0, abs=0.12)
     np.testing.assert_allclose(matched.offset_s, crowd.offset_s - crowd.offset_s[0], atol=0.05)
+
+
+def test_matched_views_do_not_depend_on_the_number_of_processes(crowd):
+    alone = match_views(crowd.people)
+    with Jobs(2) as jobs:
+        together = match_views(crowd.people, jobs=jobs)
+    np.testing.assert_array_equal(together.offset_s, alone.offset_s)
+    for view, expected in zip(together.views, alone.views, strict=True):
+        assert view.camera == expected.camera
+        np.testing.assert_array_equal(view.keypoints_px, expected.keypoints_px)
+
+
+def test_single_person_needs_no_processes(crowd):
+    assert useful_jobs(crowd.people) > 1
+    views = [replace(view, keypoints_px=view.keypoints_px[:, :1]) for view in crowd.people.views]
+    assert useful_jobs(replace(crowd.people, views=tuple(views))) == 1
 
 
 def test_people_who_have_nothing_in_common(crowd):
