@@ -13,6 +13,7 @@ from hypothesis.extra import numpy as hnp
 
 import posefuse
 from posefuse.io.results import netcdf
+from posefuse.io.results.rounding import rounded
 from posefuse.lazy_array import LazyArray
 from posefuse.model.status import PointStatus
 from tests.scenes import body_points, ring, simulate_detections
@@ -33,14 +34,14 @@ class Stored(LazyArray):
 
 @pytest.fixture(scope="module")
 def walking_result(tmp_path_factory):
-    """A result in memory, and the same read from its file."""
+    """A result in memory, with the precision of files, and the same read from its file."""
     rig, rng = ring(4), np.random.default_rng(3)
     start = body_points(rng, 1)
     points = start + 0.01 * np.arange(40)[:, None, None] * np.array([1.0, 0.0, 0.0])
     fresh = posefuse.reconstruct(rig, simulate_detections(rig, points, rng))
     path = tmp_path_factory.mktemp("result") / "reconstruction.nc"
     netcdf.write([fresh], path)
-    return fresh, posefuse.read_reconstruction(path)
+    return rounded(fresh), posefuse.read_reconstruction(path)
 
 
 EXPRESSIONS: dict[str, Callable[[Any], Any]] = {

@@ -1,7 +1,7 @@
 """Tidy CSV: one row per frame, person and keypoint (or angle or event). Missing cells are empty.
 
-Points are rounded as in ``reconstruction.nc``: coordinates to 0.01 mm, and finer where the standard deviation is below
-0.5 mm, standard deviations and errors to four digits, times to a microsecond.
+Points are rounded as in ``reconstruction.nc``: coordinates to 0.001 mm, and finer where the standard deviation is below
+0.05 mm, standard deviations and errors to four digits, times to a microsecond.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -37,7 +37,7 @@ _ANGLE_STATUS = tuple(status.label for status in AngleStatus)
 _ANGLE_DECIMALS, _TIME_DECIMALS = 3, 6
 _DEGREES = ("degrees", "sd_degrees", "low_degrees", "high_degrees")
 _SD_DIGITS = 4
-_COORDINATE_DECIMALS, _COORDINATE_PARTS = 5, 50.0
+_COORDINATE_DECIMALS, _COORDINATE_PARTS = 6, 50.0
 """Decimals of a coordinate, and into how many parts its standard deviation is divided at least."""
 _SOURCE = tuple(next((s.label for s in Source if s == code), "") for code in range(256))
 

@@ -2,6 +2,7 @@
 
 Precision follows the uncertainty: a standard deviation along any direction changes by less than 1 %, a coordinate by
 less than a hundredth of its smallest standard deviation and less than :data:`MAX_STEP`. Quanta are powers of two.
+Coordinates without a standard deviation, such as those of a simulated truth, are not rounded.
 A smallest standard deviation below 1/300 of the largest changes by up to 5 %, and one below about 1/1500 is increased,
 so that rounded covariances remain positive definite.
 """
@@ -14,8 +15,8 @@ from posefuse.model.joint_angles import JointAngles
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.track_events import Poses
 
-MAX_STEP = 2.0**-17
-"""Largest distance between neighboring coordinates, in the unit of the result (m or px): 0.0076 mm."""
+MAX_STEP = 2.0**-20
+"""Largest distance between neighboring coordinates, in the unit of the result (m or px): 0.00095 mm."""
 
 _COVARIANCE_PARTS = 128.0
 """Number of quanta in the smallest variance of a point."""
@@ -32,14 +33,14 @@ ANGLE_STEP_DEG = 2.0**-11
 _MIN_SHARE = 2.0**-23
 """Smallest variance that float32 holds beside the others, as a share of their sum."""
 
-ERROR_BITS, SD_BITS = 6, 10
-"""Binary digits after the first one of errors in pixels, within 0.8 %, and of standard deviations, within 0.05 %."""
+ERROR_BITS, SD_BITS = 8, 10
+"""Binary digits after the first one of errors in pixels, within 0.2 %, and of standard deviations, within 0.05 %."""
 
 PRECISION = {
-    "position": "rounded to 2^-17 (0.0076 mm) or finer, at most 1/64 of the smallest standard deviation",
+    "position": "rounded to 2^-20 (0.00095 mm) or finer, at most 1/64 of the smallest standard deviation",
     "covariance": "float32, rounded to at most 1/128 of the smallest variance: standard deviations within 1 %",
     "reprojection_error": "float32, rounded to 11 binary digits (within 0.05 %)",
-    "view_error": "float32, rounded to 7 binary digits (within 0.8 %)",
+    "view_error": "float32, rounded to 9 binary digits (within 0.2 %)",
 }
 """Name of a layer's variable -> its precision, as the file states it."""
 
@@ -127,10 +128,10 @@ def _rounded_covariance(covariance: np.ndarray, smallest: np.ndarray) -> np.ndar
 
 
 def _point_step(smallest_m2: np.ndarray) -> np.ndarray:
-    """Return the quantum of the coordinates of each point, shape (...)."""
+    """Return the quantum of the coordinates of each point, shape (...); 0 where the uncertainty is unknown."""
     with np.errstate(invalid="ignore"):
         step = _power_below(np.sqrt(smallest_m2) / _POINT_PARTS)
-    return np.where(step > 0.0, np.minimum(step, MAX_STEP), MAX_STEP)
+    return np.minimum(step, MAX_STEP)
 
 
 def _power_below(values: np.ndarray) -> np.ndarray:
