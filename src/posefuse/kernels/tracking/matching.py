@@ -13,6 +13,7 @@ import numpy as np
 
 from posefuse.kernels.jit import inline, kernel, subroutine
 from posefuse.kernels.tracking.error_model import variance_factor
+from posefuse.kernels.tracking.screening import Screening, arrange_detections, arrange_person, may_match
 
 _FORBIDDEN_COST = 1e9
 _MARGIN = 1.0 + 1e-9
@@ -97,9 +98,52 @@ def compute_noise(confidence, view_of_row, error_model, noise_px2):
             noise_px2[row, k] = math.nan if keypoint_confidence < error_model.min_confidence else scale * scale * growth
 
 
+@subroutine
+def _sum_log_odds(projected, keypoints_px, scoring, sides, screening, p, row, v):
+    """Sum the log odds of keypoints by limb, with labels as they are and swapped, in the screening.
+
+    Args:
+        projected: ProjectedKeypoints.
+        keypoints_px: shape (row, keypoint, 2).
+        scoring: a Scoring.
+        sides: SideGroups.
+        screening: a Screening of the pair.
+        p: the person.
+        row: the detection.
+        v: its view.
+
+    Returns:
+        The sum of keypoints outside all limbs, and the number of all keypoints.
+    """
+    mirror, group_of, n_groups = sides
+    is_least, sums = screening.is_least, screening.sums
+    total = 0.0
+    count = 0
+    for g in range(n_groups):
+        sums[0, g] = 0.0
+        sums[1, g] = 0.0
+    for k in range(mirror.shape[0]):
+        unswapped = is_least[0, k] * scoring.min_log_odds
+        if is_least[0, k] == 0.0:
+            unswapped = score_keypoint(projected, keypoints_px, scoring, p, row, v, k, k)
+        count += 1 if unswapped == unswapped else 0
+        g = group_of[k]
+        if g < 0:
+            total += unswapped if unswapped == unswapped else 0.0
+            continue
+        mirrored = is_least[1, k] * scoring.min_log_odds
+        if is_least[1, k] == 0.0:
+            mirrored = score_keypoint(projected, keypoints_px, scoring, p, row, v, k, mirror[k])
+        sums[0, g] += unswapped if unswapped == unswapped else 0.0
+        sums[1, g] += mirrored if mirrored == mirrored else 0.0
+    return total, count
+
+
 @kernel
 def score_detections(projected, detections, sides, error_model, swap_probability, parameters, out):
     """Score every detection against every person.
+
+    Pairs whose score is certainly below the least one that counts have a score of -inf, and unswapped sides.
 
     Args:
         projected: ProjectedKeypoints.
@@ -109,45 +153,53 @@ def score_detections(projected, detections, sides, error_model, swap_probability
         swap_probability: shape (person, view, group): prior probability that the limb is swapped.
         parameters: MatchParameters.
         out: DetectionScores, written.
+
+    Returns:
+        Number of pairs whose keypoints were compared.
     """
     keypoints_px, confidence, view_of_row = detections
-    mirror, group_of, n_groups = sides
-    clutter_m, min_log_odds, max_keypoints = parameters
+    n_groups = sides.n_groups
+    clutter_m, min_log_odds, max_keypoints, _ = parameters
     scores, swapped, swap_odds = out
-    pixels = projected.pixels
+    n_people, n_views, n_keypoints = projected.scale_px_per_m.shape
+    n_rows = confidence.shape[0]
     noise_px2 = np.empty(confidence.shape)
     compute_noise(confidence, view_of_row, error_model, noise_px2)
     scoring = Scoring(noise_px2, error_model.floor_m, error_model.nu, clutter_m, min_log_odds, math.exp(-min_log_odds))
-    unswapped_score = np.empty(n_groups)
-    swapped_score = np.empty(n_groups)
-    prior = np.empty((pixels.shape[1], n_groups))
-    for p in range(pixels.shape[0]):
-        for v in range(pixels.shape[1]):
+    screening = Screening(
+        shown=np.empty((2, 3, n_rows, n_keypoints)),
+        predicted=np.empty((n_views, 7, n_keypoints)),
+        log_noise=np.empty(n_rows),
+        is_least=np.empty((2, n_keypoints)),
+        sums=np.empty((2, n_groups)),
+    )
+    arrange_detections(keypoints_px, noise_px2, sides.mirror, screening)
+    sums = screening.sums
+    prior = np.empty((n_views, n_groups))
+    most = np.empty(n_views)
+    n_compared = 0
+    for p in range(n_people):
+        arrange_person(projected, scoring, p, screening.predicted, most)
+        for v in range(n_views):
             for g in range(n_groups):
                 prior[v, g] = math.log(swap_probability[p, v, g] / (1.0 - swap_probability[p, v, g]))
-        for row in range(keypoints_px.shape[0]):
+        for row in range(n_rows):
             v = view_of_row[row]
-            total = 0.0
-            count = 0
+            if not may_match(screening, scoring, row, v, most[v], parameters):
+                scores[p, row] = -math.inf
+                for g in range(n_groups):
+                    swapped[p, row, g] = 0
+                    swap_odds[p, row, g] = prior[v, g]
+                continue
+            n_compared += 1
+            total, count = _sum_log_odds(projected, keypoints_px, scoring, sides, screening, p, row, v)
             for g in range(n_groups):
-                unswapped_score[g] = 0.0
-                swapped_score[g] = 0.0
-            for k in range(mirror.shape[0]):
-                unswapped = score_keypoint(projected, keypoints_px, scoring, p, row, v, k, k)
-                count += 1 if unswapped == unswapped else 0
-                g = group_of[k]
-                if g < 0:
-                    total += unswapped if unswapped == unswapped else 0.0
-                    continue
-                mirrored = score_keypoint(projected, keypoints_px, scoring, p, row, v, k, mirror[k])
-                unswapped_score[g] += unswapped if unswapped == unswapped else 0.0
-                swapped_score[g] += mirrored if mirrored == mirrored else 0.0
-            for g in range(n_groups):
-                swap_odds[p, row, g] = swapped_score[g] - unswapped_score[g] + prior[v, g]
+                swap_odds[p, row, g] = sums[1, g] - sums[0, g] + prior[v, g]
                 is_swapped = swap_odds[p, row, g] > 0.0
                 swapped[p, row, g] = 1 if is_swapped else 0
-                total += swapped_score[g] if is_swapped else unswapped_score[g]
-            scores[p, row] = total / count * min(float(count), max_keypoints) if count > 0 else -math.inf
+                total += sums[1, g] if is_swapped else sums[0, g]
+            scores[p, row] = total / count * min(float(count), max_keypoints)
+    return n_compared
 
 
 @inline

@@ -187,11 +187,13 @@ class MatchParameters(NamedTuple):
         clutter_m: size of the area in which an unrelated keypoint may lie.
         min_log_odds: lower bound of the log odds of one keypoint.
         max_keypoints: the score counts as at most this many keypoints.
+        min_score: least score that counts.
     """
 
     clutter_m: float
     min_log_odds: float
     max_keypoints: float
+    min_score: float
 
 
 class DetectionScores(NamedTuple):

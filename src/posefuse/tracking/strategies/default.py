@@ -84,10 +84,13 @@ class LogOddsScore:
         scores = np.empty((n, len(frame.view)))
         shape = (n, len(frame.view), s.n_groups)
         swapped, odds = np.zeros(shape, dtype=np.int8), np.empty(shape)
+        parameters = MatchParameters(
+            o.clutter_m, o.keypoint_evidence, o.independent_keypoints,
+            min(o.match_evidence, o.lifecycle.explained_evidence) - max(o.id_evidence, 0.0),
+        )  # fmt: skip
         score_detections(
             projected.arrays, Detections(frame.keypoints_px, frame.confidence, frame.view), s.sides, s.law,
-            recent.swapped, MatchParameters(o.clutter_m, o.keypoint_evidence, o.independent_keypoints),
-            DetectionScores(scores, swapped, odds),
+            recent.swapped, parameters, DetectionScores(scores, swapped, odds),
         )  # fmt: skip
         explained = np.empty(len(frame.view), dtype=bool)
         track_ids, least = frozen(frame.track_ids, np.int64), o.lifecycle.explained_evidence
