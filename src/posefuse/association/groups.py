@@ -203,8 +203,8 @@ def _form_groups(
     context = FrameContext(
         cameras=rig.packed,
         sizes_px=np.where(frame.recorded[:, None], sizes_px, 0.0),
-        boxes_px=bounding_boxes_px(frame.keypoints_px),
-        box_view=frame.view,
+        boxes_px=frame.boxes_px,
+        box_starts=np.searchsorted(frame.view, np.arange(len(rig) + 1)),
     )
     pixels = frame.keypoints_px[rows[:, None], core]
     n_groups = kernels.form_groups(candidates, parameters, context, pixels, evidence, seeds, groups)
@@ -219,8 +219,3 @@ def _duplicates(rows: np.ndarray, duplicate_of: np.ndarray, accepted: np.ndarray
     order = np.argsort(accepted)
     person = order[np.searchsorted(accepted[order], duplicate_of[again])]
     return np.stack([rows[again], person], axis=1)
-
-
-def bounding_boxes_px(keypoints_px: np.ndarray) -> np.ndarray:
-    """Return the smallest and largest u, v of each detection's keypoints, shape (row, 4), NaN where it has none."""
-    return np.concatenate([np.fmin.reduce(keypoints_px, axis=1), np.fmax.reduce(keypoints_px, axis=1)], axis=1)

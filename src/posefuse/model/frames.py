@@ -66,6 +66,14 @@ class Frame:
         """Shape (view,), int64: number of detections per view."""
         return np.bincount(self.view, minlength=len(self.recorded))
 
+    @cached_property
+    def boxes_px(self) -> np.ndarray:
+        """Shape (row, 4): smallest and largest u, v of each detection's keypoints, NaN where it has none."""
+        # Reductions over the first axis of a contiguous array are vectorized.
+        pixels = np.ascontiguousarray(self.keypoints_px.transpose(1, 0, 2))
+        low = np.fmin.reduce(pixels, axis=0, initial=np.nan)
+        return np.concatenate([low, np.fmax.reduce(pixels, axis=0, initial=np.nan)], axis=1)
+
     @classmethod
     def of(cls, detections: Detections, index: int) -> "Frame":
         """Return one frame of a recording.

@@ -120,17 +120,6 @@ class CameraMonitor:
         return f"no person shown for {self.blind_s[view]:.1f} s, although other cameras show people in its image"
 
 
-def bounding_boxes_px(frame: Frame) -> np.ndarray:
-    """Return the smallest and largest pixel of each detection, shape (row, 4).
-
-    The box of a detection without keypoints contains nothing.
-    """
-    finite = np.isfinite(frame.keypoints_px)
-    low = np.where(finite, frame.keypoints_px, np.inf).min(axis=1, initial=np.inf)
-    high = np.where(finite, frame.keypoints_px, -np.inf).max(axis=1, initial=-np.inf)
-    return np.concatenate([low, high], axis=1)
-
-
 def is_occluded(pixels: np.ndarray, rows: np.ndarray, frame: Frame, min_share: float) -> np.ndarray:
     """Return the views in which another detection may occlude a person, shape (view,), bool.
 
@@ -140,7 +129,7 @@ def is_occluded(pixels: np.ndarray, rows: np.ndarray, frame: Frame, min_share: f
         frame: The detections.
         min_share: Share of the core keypoints inside a detection's box that counts as occlusion.
     """
-    boxes, at = bounding_boxes_px(frame), pixels[frame.view]
+    boxes, at = frame.boxes_px, pixels[frame.view]
     within = (at >= boxes[:, None, :2]) & (at <= boxes[:, None, 2:])
     covers = within.all(axis=-1).mean(axis=1) >= min_share
     covers[rows[rows >= 0]] = False

@@ -15,7 +15,13 @@ from posefuse.kernels.association.group_points import (
     centroid,
     triangulate_group,
 )
-from posefuse.kernels.association.log_odds import bone_log_odds, join_log_odds
+from posefuse.kernels.association.log_odds import (
+    JoinTerms,
+    arrange_detections,
+    arrange_points,
+    bone_log_odds,
+    join_log_odds,
+)
 from posefuse.kernels.cameras.lens import OK, project_point, to_camera
 from posefuse.kernels.jit import inline, kernel, subroutine
 from posefuse.kernels.status_codes import NO_DETECTION
@@ -57,13 +63,13 @@ class FrameContext(NamedTuple):
         cameras: the camera array, shape (view, COLUMNS).
         sizes_px: shape (view, 2): image sizes; 0 if the view did not record the frame.
         boxes_px: shape (row, 4): least u, v and greatest u, v of every detection of the frame, assigned or not.
-        box_view: shape (row,), int64: view of each box.
+        box_starts: shape (view + 1,), int64: first box of each view, and the number of boxes.
     """
 
     cameras: Any
     sizes_px: Any
     boxes_px: Any
-    box_view: Any
+    box_starts: Any
 
 
 class GroupTable(NamedTuple):
@@ -90,12 +96,14 @@ class _GrowingGroup(NamedTuple):
         members: shape (view,), int64: its members in the order of joining.
         swapped: shape (view,), bool: whether left and right are swapped in each member.
         points: shape (core, POINT_COLUMNS).
+        terms: JoinTerms.
     """
 
     unassigned: Any
     members: Any
     swapped: Any
     points: Any
+    terms: Any
 
 
 @subroutine
@@ -111,11 +119,11 @@ def _best_candidate(candidates, parameters, growth, count):
             possible = possible and candidates.allowed[n, m] and candidates.views[n] != candidates.views[m]
         if not possible:
             continue
-        odds = join_log_odds(candidates, parameters, growth.points, n, False)
+        odds = join_log_odds(candidates, parameters, growth.terms, n, False)
         is_swapped = False
         # Test swapped labels only if the detection does not fit as labeled, or is the best candidate so far.
         if odds <= parameters.join or odds > best:
-            other = parameters.swap + join_log_odds(candidates, parameters, growth.points, n, True)
+            other = parameters.swap + join_log_odds(candidates, parameters, growth.terms, n, True)
             is_swapped = other > odds
             odds = max(odds, other)
         if odds > best:
@@ -152,9 +160,8 @@ def _is_covered(context, v, pixel_u, pixel_v):
     """Return whether a detection of view ``v`` covers a pixel."""
     covered = False
     boxes = context.boxes_px
-    for n in range(len(context.box_view)):
-        across = boxes[n, 0] <= pixel_u <= boxes[n, 2] and boxes[n, 1] <= pixel_v <= boxes[n, 3]
-        covered = covered or (context.box_view[n] == v and across)
+    for n in range(context.box_starts[v], context.box_starts[v + 1]):
+        covered = covered or (boxes[n, 0] <= pixel_u <= boxes[n, 2] and boxes[n, 1] <= pixel_v <= boxes[n, 3])
     return covered
 
 
@@ -169,6 +176,7 @@ def _grow_group(candidates, parameters, context, pair_scores, growth):
     group = GroupMembers(candidates.rays, candidates.weights, candidates.mirror, members, swapped)
     triangulate_group(group, count, GROUP_ITERATIONS, points)
     while count < len(members):
+        arrange_points(points, growth.terms)
         gain, n, is_swapped = _best_candidate(candidates, parameters, growth, count)
         if n < 0:
             break
@@ -362,10 +370,17 @@ def form_groups(candidates, parameters, context, pixels, pair_scores, seeds, tab
     Returns:
         Number of rows written.
     """
-    n_views = context.cameras.shape[0]
+    n_views, n_core = context.cameras.shape[0], pixels.shape[1]
     unassigned = np.ones(len(candidates.views), np.bool_)
-    points = np.empty((pixels.shape[1], POINT_COLUMNS))
-    growth = _GrowingGroup(unassigned, np.empty(n_views, np.int64), np.empty(n_views, np.bool_), points)
+    points = np.empty((n_core, POINT_COLUMNS))
+    terms = JoinTerms(
+        shown=np.empty((2, len(candidates.views), 13, n_core)),
+        predicted=np.empty((9, n_core)),
+        odds=np.empty(n_core),
+        common=np.empty(n_core),
+    )
+    arrange_detections(candidates, terms)
+    growth = _GrowingGroup(unassigned, np.empty(n_views, np.int64), np.empty(n_views, np.bool_), points, terms)
     table.duplicate_of[:] = -1
     n_groups = 0
     for _ in range(len(candidates.views)):

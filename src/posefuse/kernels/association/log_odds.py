@@ -15,11 +15,9 @@ from posefuse.kernels.association.group_points import (
     VALID,
     GroupMembers,
     keypoint_index,
-    residual_at,
-    residual_derivative,
     triangulate_keypoint,
 )
-from posefuse.kernels.jit import inline, subroutine
+from posefuse.kernels.jit import inline, subroutine, vectorized
 from posefuse.kernels.linear_algebra.symmetric_3x3 import invert_symmetric
 
 # Density of the Student t distribution with 3 degrees of freedom at its center, in one dimension.
@@ -144,8 +142,57 @@ def pair_log_odds(candidates, parameters, members, swapped, points):
     return _effective_log_odds(total, common, parameters.min_common, parameters.independent)
 
 
+class JoinTerms(NamedTuple):
+    """Terms of the odds that detections join a group, with keypoints as the last axis, so that loops vectorize.
+
+    Attributes:
+        shown: shape (side, detection, 13, core): rays of detections and their variances, with labels as they are, and
+            swapped; the variance is NaN where there is no observation.
+        predicted: shape (9, core): points of the group, NaN where missing, and their covariances.
+        odds: shape (core,), overwritten: odds of the keypoints of one detection, 1 where missing.
+        common: shape (core,), overwritten: 1 where the detection and the group have a keypoint, else 0.
+    """
+
+    shown: Any
+    predicted: Any
+    odds: Any
+    common: Any
+
+
 @subroutine
-def join_log_odds(candidates, parameters, points, n, swapped):
+def arrange_detections(candidates, terms):
+    """Write the terms of all detections."""
+    rays, weights, mirror = candidates.rays, candidates.weights, candidates.mirror
+    for n in range(weights.shape[0]):
+        for k in range(weights.shape[1]):
+            for side in range(2):
+                m = keypoint_index(k, side == 1, mirror)
+                for i in range(12):
+                    terms.shown[side, n, i, k] = rays[n, m, i]
+                terms.shown[side, n, 12, k] = 1.0 / weights[n, m] if weights[n, m] > 0.0 else math.nan
+
+
+@subroutine
+def arrange_points(points, terms):
+    """Write the terms of a group's points, from :func:`triangulate_group`."""
+    predicted, i = terms.predicted, INFORMATION
+    for k in range(points.shape[0]):
+        _, xx, xy, xz, yy, yz, zz = invert_symmetric(
+            points[k, i], points[k, i + 1], points[k, i + 2], points[k, i + 3], points[k, i + 4], points[k, i + 5]
+        )
+        predicted[0, k] = points[k, POINT] if points[k, VALID] > 0.0 else math.nan
+        predicted[1, k] = points[k, POINT + 1]
+        predicted[2, k] = points[k, POINT + 2]
+        predicted[3, k] = xx
+        predicted[4, k] = xy
+        predicted[5, k] = xz
+        predicted[6, k] = yy
+        predicted[7, k] = yz
+        predicted[8, k] = zz
+
+
+@subroutine
+def join_log_odds(candidates, parameters, terms, n, swapped):
     """Return the log odds that a detection shows the person whose points other views determine.
 
     The predicted position has the projected covariance of the point plus the variance of the detection, so an uncertain
@@ -154,54 +201,70 @@ def join_log_odds(candidates, parameters, points, n, swapped):
     Args:
         candidates: detections of the frame.
         parameters: of the log odds.
-        points: points of the group, from :func:`triangulate_group`.
+        terms: JoinTerms of the detections and of the group.
         n: the detection.
         swapped: whether to take left and right of the detection as swapped.
     """
-    rays, weights = candidates.rays, candidates.weights
     clutter = candidates.clutter_px[candidates.views[n]]
-    total = 0.0
-    common = 0
-    for k in range(weights.shape[1]):
-        m = keypoint_index(k, swapped, candidates.mirror)
-        if points[k, VALID] == 0.0 or not weights[n, m] > 0.0:
-            continue
-        common += 1
-        depth, r, s = residual_at(rays, n, m, points[k, POINT], points[k, POINT + 1], points[k, POINT + 2])
-        likelihood_ratio = 0.0
-        if depth > 0.0:
-            xx, xy, yy = _innovation_covariance(rays, points[k], n, m, depth, r, s, 1.0 / weights[n, m])
-            determinant = xx * yy - xy * xy
-            spread_factor = 1.0 + (yy * r * r - 2.0 * xy * r * s + xx * s * s) / determinant * (1.0 / 3.0)
-            likelihood_ratio = (
-                clutter
-                * clutter
-                * _INVERSE_TWO_PI
-                / (math.sqrt(determinant * spread_factor) * spread_factor * spread_factor)
-            )
-        total += _keypoint_log_odds(likelihood_ratio, parameters.outlier_share)
-    return _effective_log_odds(total, common, parameters.min_common, parameters.independent)
+    side = 1 if swapped else 0
+    _join_odds(terms, side, n, clutter * clutter * _INVERSE_TWO_PI, parameters.outlier_share)
+    product = 1.0
+    common = 0.0
+    for k in range(terms.odds.shape[0]):
+        product *= terms.odds[k]
+        common += terms.common[k]
+    return _effective_log_odds(math.log(product), common, parameters.min_common, parameters.independent)
 
 
-@inline
-def _innovation_covariance(rays, point, n, m, depth, r, s, own_variance):
-    """Return the residual covariance ``(xx, xy, yy)`` in px^2: the projected point plus the detection noise."""
-    i = INFORMATION
-    _, cxx, cxy, cxz, cyy, cyz, czz = invert_symmetric(
-        point[i], point[i + 1], point[i + 2], point[i + 3], point[i + 4], point[i + 5]
-    )
-    a0, a1, a2, b0, b1, b2 = residual_derivative(rays, n, m, depth, r, s)
-    p0 = cxx * a0 + cxy * a1 + cxz * a2
-    p1 = cxy * a0 + cyy * a1 + cyz * a2
-    p2 = cxz * a0 + cyz * a1 + czz * a2
-    q0 = cxx * b0 + cxy * b1 + cxz * b2
-    q1 = cxy * b0 + cyy * b1 + cyz * b2
-    q2 = cxz * b0 + cyz * b1 + czz * b2
-    return (
-        a0 * p0 + a1 * p1 + a2 * p2 + own_variance,
-        b0 * p0 + b1 * p1 + b2 * p2,
-        b0 * q0 + b1 * q1 + b2 * q2 + own_variance,
-    )
+@vectorized
+def _join_odds(terms, side, n, area, outlier_share):
+    """Write the odds of all keypoints, and which are common.
+
+    Loops that also multiply the odds are not vectorized.
+    """
+    shown, predicted = terms.shown, terms.predicted
+    for k in range(predicted.shape[1]):
+        x = predicted[0, k]
+        y = predicted[1, k]
+        z = predicted[2, k]
+        c0 = shown[side, n, 8, k]
+        c1 = shown[side, n, 9, k]
+        c2 = shown[side, n, 10, k]
+        depth = c0 * x + c1 * y + c2 * z + shown[side, n, 11, k]
+        inverse = 1.0 / depth
+        a0 = shown[side, n, 0, k]
+        a1 = shown[side, n, 1, k]
+        a2 = shown[side, n, 2, k]
+        b0 = shown[side, n, 4, k]
+        b1 = shown[side, n, 5, k]
+        b2 = shown[side, n, 6, k]
+        # The residual (r, s) in px and its derivatives a and b.
+        r = (a0 * x + a1 * y + a2 * z + shown[side, n, 3, k]) * inverse
+        s = (b0 * x + b1 * y + b2 * z + shown[side, n, 7, k]) * inverse
+        a0 = (a0 - r * c0) * inverse
+        a1 = (a1 - r * c1) * inverse
+        a2 = (a2 - r * c2) * inverse
+        b0 = (b0 - s * c0) * inverse
+        b1 = (b1 - s * c1) * inverse
+        b2 = (b2 - s * c2) * inverse
+        p0 = predicted[3, k] * a0 + predicted[4, k] * a1 + predicted[5, k] * a2
+        p1 = predicted[4, k] * a0 + predicted[6, k] * a1 + predicted[7, k] * a2
+        p2 = predicted[5, k] * a0 + predicted[7, k] * a1 + predicted[8, k] * a2
+        q0 = predicted[3, k] * b0 + predicted[4, k] * b1 + predicted[5, k] * b2
+        q1 = predicted[4, k] * b0 + predicted[6, k] * b1 + predicted[7, k] * b2
+        q2 = predicted[5, k] * b0 + predicted[7, k] * b1 + predicted[8, k] * b2
+        own = shown[side, n, 12, k]
+        xx = a0 * p0 + a1 * p1 + a2 * p2 + own
+        xy = b0 * p0 + b1 * p1 + b2 * p2
+        yy = b0 * q0 + b1 * q1 + b2 * q2 + own
+        determinant = xx * yy - xy * xy
+        # The determinant times the growth of the t distribution, whose density falls with the power 5 / 2 of it.
+        grown = determinant + (yy * r * r - 2.0 * xy * r * s + xx * s * s) * (1.0 / 3.0)
+        ratio = area * determinant * determinant / (grown * grown * math.sqrt(grown))
+        is_common = x + own == x + own
+        odds = (1.0 - outlier_share) * (ratio if depth > 0.0 else 0.0) + outlier_share
+        terms.odds[k] = odds if is_common else 1.0
+        terms.common[k] = 1.0 if is_common else 0.0
 
 
 @subroutine

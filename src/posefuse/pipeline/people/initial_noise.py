@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.frames import Frame
 from posefuse.model.noise import NoiseModel
+from posefuse.model.options.association import AssociationOptions
 from posefuse.model.options.options import Options
 from posefuse.model.proposals import Proposals
 from posefuse.noise.estimate import fixed_noise
@@ -83,7 +85,11 @@ def propose_people(
         frame: detections of one frame.
         free: shape (detection,), bool: the unassigned detections.
     """
-    association = (
-        options.association if skeleton.tree is None else options.association.in_proportion(skeleton.tree.scale)
-    )
-    return propose(rig, frame, noise, skeleton, free, association)
+    scale = 1.0 if skeleton.tree is None else skeleton.tree.scale
+    return propose(rig, frame, noise, skeleton, free, _in_proportion(options.association, scale))
+
+
+@lru_cache(maxsize=16)
+def _in_proportion(options: AssociationOptions, scale: float) -> AssociationOptions:
+    """Return options for bodies of another size; to check all fields again takes longer than to propose people."""
+    return options.in_proportion(scale)
