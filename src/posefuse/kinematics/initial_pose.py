@@ -1,10 +1,14 @@
 """Initial pose and uncertainty of a body from triangulated keypoints, from which the filter starts."""
 
+import math
 from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from posefuse.arrays import frozen
 from posefuse.kernels.tracking.records import State
 from posefuse.model.options.tracker import MotionOptions
 from posefuse.model.rotations import closest_rotation
@@ -16,6 +20,49 @@ _REST_WEIGHT = 1e-3
 # Standard deviations of an initial pose for an adult human.
 _ROOT_SD_M, _TURN_SD, _LIMB_SD = 0.3, 0.7, 0.7
 _MAX_ROOT_SD_M = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Structure:
+    """What a pose from points takes from a tree, whatever the points.
+
+    Attributes:
+        root_nodes: The root, and the nodes on segments that hang on it.
+        root_weights: shape (root node,): their weights.
+        steps: By node, its parent, its mover, whether that is a bone, and the segment that carries the node.
+        riding: By segment, parents first, the nodes that hang on its pivot.
+        bone_nodes: Far ends of the bones, parents first.
+        bone_ends: shape (bone, 2): far and near end of each bone.
+    """
+
+    root_nodes: np.ndarray
+    root_weights: np.ndarray
+    steps: tuple[tuple[int, int, bool, int], ...]
+    riding: dict[int, list[int]]
+    bone_nodes: tuple[int, ...]
+    bone_ends: np.ndarray
+
+
+@lru_cache(maxsize=16)
+def _structure_of(tree: Tree) -> _Structure:
+    nodes = tree.nodes
+    root = [n for n, node in enumerate(nodes) if n == 0 or (node.parent == 0 and not node.is_bone)]
+    weights = [1.0 if n == 0 or nodes[n].mover == 0 else _NEIGHBOR_WEIGHT for n in root]
+    steps: list[tuple[int, int, bool, int]] = []
+    riding: dict[int, list[int]] = {}
+    for n, node in enumerate(nodes):
+        carrier = steps[node.parent][3] if node.is_bone and node.parent >= 0 else 0 if node.parent < 0 else node.mover
+        steps.append((node.parent, node.mover, node.is_bone, carrier))
+        if node.parent >= 0 and not node.is_bone:
+            # Points that hang on other points of the segment have no offset from its pivot.
+            mine = riding.setdefault(node.mover, [])
+            if not mine or nodes[mine[0]].parent == node.parent:
+                mine.append(n)
+    bone_nodes = tuple(n for n, node in enumerate(nodes) if node.is_bone)
+    ends = np.zeros((len(tree.bones), 2), dtype=np.int64)
+    for n in bone_nodes:
+        ends[nodes[n].mover] = n, nodes[n].parent
+    return _Structure(np.array(root), np.array(weights), tuple(steps), riding, bone_nodes, ends)
 
 
 def pose_from_points(
@@ -31,34 +78,41 @@ def pose_from_points(
     Returns:
         Root, shape (3,), turns of segments (segment, 3, 3) and frames of bones (bone, 3, 3).
     """
+    structure, known, places = _structure_of(tree), _known_nodes(tree, points_m), node_offsets(tree, shape_m)
+    is_known = np.isfinite(known).all(axis=1).tolist()
+    turns = np.tile(np.eye(3), (len(tree.segments), 1, 1))
+    bones = np.tile(np.eye(3), (len(tree.bones), 1, 1))
+    found: dict[int, np.ndarray] = {}
+    found[0], turns[:1] = _root(tree, structure, known, places)
+
+    def place(n: int) -> np.ndarray:
+        """Return where a node is by the turns and bones before it."""
+        if n not in found:
+            parent, mover, is_bone, _ = structure.steps[n]
+            found[n] = place(parent) + (places[n, 2] * bones[mover, :, 2] if is_bone else turns[mover] @ places[n])
+        return found[n]
+
+    for segment, nodes in structure.riding.items():
+        if segment:
+            mine = [n for n in nodes if is_known[n]]
+            pivot, _, _, _ = structure.steps[nodes[0]]
+            origin = known[pivot] if is_known[pivot] else place(pivot)
+            turns[segment] = _turn(tree, known[mine] - origin, places[mine], turns[structure.steps[pivot][3]])
+    for n in structure.bone_nodes:
+        parent, bone, _, carrier = structure.steps[n]
+        direction = known[n] - (known[parent] if is_known[parent] else place(parent))
+        if not (is_known[n] and direction.any()):
+            direction = turns[carrier] @ tree.rest[bone] if tree.segments else tree.rest[bone]
+        bones[bone] = _frame_along(*direction.tolist())
+    return place(0), turns, bones
+
+
+def _known_nodes(tree: Tree, points_m: np.ndarray) -> np.ndarray:
+    """Return the points of the nodes, shape (node, 3), NaN where unknown."""
     known = np.full((len(tree.nodes), 3), np.nan)
     has = tree.keypoint_nodes >= 0
     known[tree.keypoint_nodes[has]] = points_m[has]
-    places = node_offsets(tree, shape_m)
-    turns = np.tile(np.eye(3), (len(tree.segments), 1, 1))
-    bones = np.tile(np.eye(3), (len(tree.bones), 1, 1))
-    found = np.full_like(known, np.nan)
-    found[0], turns[:1] = _root(tree, known, places)
-    holder = np.zeros(len(tree.nodes), dtype=int)
-    turned = {0}
-    for n, node in enumerate(tree.nodes):
-        if node.parent < 0:
-            continue
-        holder[n] = holder[node.parent] if node.is_bone else node.mover
-        start = found[node.parent]
-        if node.is_bone:
-            rest = turns[holder[n]] @ tree.rest[node.mover] if tree.segments else tree.rest[node.mover]
-            near = known[node.parent] if np.isfinite(known[node.parent, 0]) else start
-            direction = known[n] - near if np.isfinite(known[n] + near).all() else rest
-            length = float(np.linalg.norm(direction))
-            bones[node.mover] = _frame_along(direction / length if length > 1e-9 else rest)
-            found[n] = start + places[n, 2] * bones[node.mover][:, 2]
-        else:
-            if node.mover not in turned:
-                turned.add(node.mover)
-                turns[node.mover] = _turn(tree, node.mover, known, places, start, turns[holder[node.parent]])
-            found[n] = start + turns[node.mover] @ places[n]
-    return found[0], turns, bones
+    return known
 
 
 def node_offsets(tree: Tree, shape_m: np.ndarray) -> np.ndarray:
@@ -68,46 +122,38 @@ def node_offsets(tree: Tree, shape_m: np.ndarray) -> np.ndarray:
     return np.where(shape_of >= 0, own, places)
 
 
-def _root(tree: Tree, known: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _root(tree: Tree, structure: _Structure, known: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return position and turn of the root from all points on segments at the root."""
-    seen = [
-        n
-        for n, node in enumerate(tree.nodes)
-        if np.isfinite(known[n, 0]) and (n == 0 or (node.parent == 0 and not node.is_bone))
-    ]
+    is_seen = np.isfinite(known[structure.root_nodes, 0])
+    seen, weights = structure.root_nodes[is_seen], structure.root_weights[is_seen]
     if not tree.segments or len(seen) < 2:
         there = known[0] if np.isfinite(known[0, 0]) else np.nanmedian(known, axis=0)
         return there, np.eye(3)
-    own = np.array([n == 0 or tree.nodes[n].mover == 0 for n in seen])
-    weights = np.where(own, 1.0, _NEIGHBOR_WEIGHT)
-    middle_of, middle = (np.average(each[seen], axis=0, weights=weights) for each in (places, known))
-    turn = closest_rotation(
-        _moments(known[seen] - middle, places[seen] - middle_of, weights) + _REST_WEIGHT * tree.scale**2 * np.eye(3)
-    )
+    share = weights / weights.sum()
+    middle_of, middle = share @ places[seen], share @ known[seen]
+    moments = ((known[seen] - middle).T * weights) @ (places[seen] - middle_of)
+    turn = closest_rotation(moments + _REST_WEIGHT * tree.scale**2 * np.eye(3))
     return known[0] if np.isfinite(known[0, 0]) else middle - turn @ middle_of, turn
 
 
-def _turn(
-    tree: Tree, segment: int, known: np.ndarray, places: np.ndarray, origin: np.ndarray, parent: np.ndarray
-) -> np.ndarray:
-    riding = [n for n, node in enumerate(tree.nodes) if node.parent >= 0 and not node.is_bone and node.mover == segment]
-    # Points that hang on other points of the segment have no offset from its pivot.
-    mine = [n for n in riding if tree.nodes[n].parent == tree.nodes[riding[0]].parent and np.isfinite(known[n, 0])]
-    start = known[tree.nodes[mine[0]].parent] if mine else origin
-    start = start if np.isfinite(start[0]) else origin
-    moments = _moments(known[mine] - start, places[mine], np.ones(len(mine))) if mine else np.zeros((3, 3))
+def _turn(tree: Tree, there: np.ndarray, here: np.ndarray, parent: np.ndarray) -> np.ndarray:
+    """Return the turn of a segment by its points from its pivot, and close to that of the segment that carries it."""
+    moments = there.T @ here
     return closest_rotation(moments + max(_REST_WEIGHT * tree.scale**2, 0.02 * np.linalg.norm(moments)) * parent)
 
 
-def _moments(there: np.ndarray, here: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    return np.einsum("n,ni,nj->ij", weights, there, here)
-
-
-def _frame_along(direction: np.ndarray) -> np.ndarray:
-    across = np.eye(3)[np.argmin(np.abs(direction))]
-    first = across - direction * (direction @ across)
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(direction, first), direction], axis=1)
+def _frame_along(x: float, y: float, z: float) -> tuple[tuple[float, float, float], ...]:
+    """Return a rotation whose third axis has a direction, row by row."""
+    length = math.sqrt(x * x + y * y + z * z)
+    x, y, z = x / length, y / length, z / length
+    # The first axis is closest to the axis of the world that is farthest from the direction.
+    least = min(abs(x), abs(y), abs(z))
+    a, b, c = (1.0, 0.0, 0.0) if abs(x) == least else (0.0, 1.0, 0.0) if abs(y) == least else (0.0, 0.0, 1.0)
+    along = a * x + b * y + c * z
+    a, b, c = a - x * along, b - y * along, c - z * along
+    length = math.sqrt(a * a + b * b + c * c)
+    a, b, c = a / length, b / length, c / length
+    return (a, y * c - z * b, x), (b, z * a - x * c, y), (c, x * b - y * a, z)
 
 
 def bone_vectors(tree: Tree, points_m: np.ndarray) -> np.ndarray:
@@ -117,14 +163,9 @@ def bone_vectors(tree: Tree, points_m: np.ndarray) -> np.ndarray:
         tree: Tree of the body.
         points_m: shape (keypoint, 3), NaN where unknown.
     """
-    known = np.full((len(tree.nodes), 3), np.nan)
-    has = tree.keypoint_nodes >= 0
-    known[tree.keypoint_nodes[has]] = points_m[has]
-    shown = np.full((len(tree.bones), 3), np.nan)
-    for n, node in enumerate(tree.nodes):
-        if node.is_bone:
-            shown[node.mover] = known[n] - known[node.parent]
-    return shown
+    known = _known_nodes(tree, points_m)
+    ends = _structure_of(tree).bone_ends
+    return known[ends[:, 0]] - known[ends[:, 1]]
 
 
 def turn_bones(frames: np.ndarray, shown: np.ndarray, bones: Iterable[int]) -> None:
@@ -177,19 +218,21 @@ def initial_state(
 def initial_covariance(tree: Tree, shape_covariance: np.ndarray, motion: MotionOptions) -> np.ndarray:
     """Return the covariance of an initial state, shape (all, all)."""
     n, h = tree.n_pose, tree.n_shape
-    spread = np.concatenate(
-        [
-            np.full(3, _ROOT_SD_M * tree.scale),
-            np.full(3 * len(tree.segments), _TURN_SD),
-            np.full(2 * len(tree.bones), _LIMB_SD),
-        ]
-    )
+    covariance = _pose_covariance(tree, motion).copy()
+    covariance[n : n + h, n : n + h] = shape_covariance
+    return covariance
+
+
+@lru_cache(maxsize=16)
+def _pose_covariance(tree: Tree, motion: MotionOptions) -> np.ndarray:
+    """Return the covariance of an initial state whose lengths are certain, shape (all, all)."""
+    n, h = tree.n_pose, tree.n_shape
+    spread = np.repeat([_ROOT_SD_M * tree.scale, _TURN_SD, _LIMB_SD], [3, 3 * len(tree.segments), 2 * len(tree.bones)])
     covariance = np.zeros((2 * n + h, 2 * n + h))
     covariance[:n, :n] = np.diag(spread**2)
-    covariance[n : n + h, n : n + h] = shape_covariance
     decay, power = motion_parameters(tree, motion)
     covariance[n + h :, n + h :] = np.diag(0.5 * power * decay)
-    return covariance
+    return frozen(covariance)
 
 
 def motion_parameters(tree: Tree, motion: MotionOptions) -> tuple[np.ndarray, np.ndarray]:

@@ -13,7 +13,7 @@ from posefuse.kernels.tracking.records import State
 from posefuse.tracking.body_states import ProjectedBodies, shape_block
 from posefuse.tracking.records import Observation, Track
 from posefuse.tracking.settings import TrackerSettings
-from posefuse.tracking.track_initiation import fit_body
+from posefuse.tracking.track_initiation import fit_last_state
 
 _INDEPENDENT_SHARE = 0.5
 """Share of the information of a frame's keypoints that is independent: the errors of neighboring ones are similar.
@@ -43,7 +43,11 @@ def person_lengths(track: Track, state: State, index: int, settings: TrackerSett
 
 
 def log_evidence(
-    observation: Observation, shape_m: np.ndarray, covariance: np.ndarray, settings: TrackerSettings
+    observation: Observation,
+    shape_m: np.ndarray,
+    covariance: np.ndarray,
+    settings: TrackerSettings,
+    fitted: State | None = None,
 ) -> float:
     """Return the log marginal likelihood of the detections of one body, up to a constant that no prior changes.
 
@@ -52,11 +56,12 @@ def log_evidence(
         shape_m: shape (shape,): mean of the prior of the lengths, in meters.
         covariance: shape (shape, shape): covariance of that prior.
         settings: Settings of the tracker.
+        fitted: State of the body that is fitted to these detections with this prior; None to fit it.
 
     Returns:
         The log marginal likelihood; -inf if no body fits.
     """
-    state = fit_body([observation], settings, shape_m, covariance)[0]
+    state = fit_last_state([observation], settings, shape_m, covariance) if fitted is None else fitted
     off_m = state.shape[0] - shape_m
     prior_sign, prior_volume = np.linalg.slogdet(covariance)
     sign, volume = np.linalg.slogdet(state.covariance[0])

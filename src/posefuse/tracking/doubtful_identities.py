@@ -22,7 +22,7 @@ from posefuse.tracking.records import Candidate, DoubtfulIdentity, IdentitySwap,
 from posefuse.tracking.reidentification import Reidentification, position_log_odds, same_body_log_odds
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.strategy import FrameOutcome
-from posefuse.tracking.track_initiation import fit_body
+from posefuse.tracking.track_initiation import fit_last_state
 from posefuse.tracking.track_set import TrackSet, advance_state
 
 _CERTAIN = 2.0
@@ -145,7 +145,7 @@ def resolve_doubts(doubts: Doubts, tracks: TrackSet, time_s: float, settings: Tr
         if not _is_due(each, time_s, settings):
             continue
         fitted = {
-            number: fit_body(subsample(found.observations, settings.options.identity_audit.frames), settings)[0]
+            number: fit_last_state(subsample(found.observations, settings.options.identity_audit.frames), settings)
             for number, found in each.candidates.items()
             if len(found.observations) >= settings.options.identity_audit.min_frames
         }

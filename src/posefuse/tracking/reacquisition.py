@@ -13,7 +13,7 @@ from posefuse.model.tracks import TrackState
 from posefuse.tracking.records import TentativeTrack, Track
 from posefuse.tracking.reidentification import Reidentification, lost_log_odds
 from posefuse.tracking.settings import TrackerSettings
-from posefuse.tracking.track_initiation import fit_body
+from posefuse.tracking.track_initiation import fit_last_state
 
 
 def find_reacquired_tracks(
@@ -57,8 +57,8 @@ def _log_odds(
     They are -inf where they do not suffice. The log odds of the proposals count, too, because they may be false.
     """
     options, last = settings.options.reidentification, tentative.observations[-1]
-    fitted = fit_body([last], settings)[0]
-    odds, near = lost_log_odds(tracks, state, lost, fitted, last, settings)
+    fitted = fit_last_state([last], settings)
+    odds, near = lost_log_odds(tracks, state, lost, fitted, last, settings, is_fitted_alone=True)
     proposed = sum(each.log_odds for each in tentative.observations)
     enough = (odds >= options.min_log_odds) & (odds + proposed >= options.immediate_log_odds)
     return np.where(enough, odds, -math.inf), near

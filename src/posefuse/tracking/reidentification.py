@@ -91,6 +91,8 @@ def lost_log_odds(
     observation: Observation,
     settings: TrackerSettings,
     closed: bool = False,
+    *,
+    is_fitted_alone: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the log odds that an observation shows each lost person, and not a new one.
 
@@ -104,6 +106,7 @@ def lost_log_odds(
         observation: Detections of one person.
         settings: Settings of the tracker.
         closed: Whether no new identity is possible, so that no place is beyond reach.
+        is_fitted_alone: Whether ``fitted`` is fitted to this observation alone.
 
     Returns:
         The log odds, and those of the position alone, shape (lost,) each.
@@ -114,7 +117,8 @@ def lost_log_odds(
     odds = near.copy()
     if not (odds > -math.inf).any():
         return odds, near
-    other = log_evidence(observation, tree.shape_m, tree.shape_covariance, settings)
+    anyone = fitted if is_fitted_alone else None
+    other = log_evidence(observation, tree.shape_m, tree.shape_covariance, settings, anyone)
     for i in np.flatnonzero(odds > -math.inf).tolist():
         own = log_evidence(observation, *person_lengths(tracks[lost[i]], state, lost[i], settings), settings)
         alike = own - other if math.isfinite(own) and math.isfinite(other) else 0.0

@@ -117,6 +117,12 @@ class TrackerSettings(PickledByFields):
         return np.flatnonzero(self.body.keypoint_nodes >= 0)
 
     @cached_property
+    def core_edges(self) -> np.ndarray:
+        """The edges between core keypoints, shape (edge, 2), int64."""
+        edges = self.skeleton.edge_indices
+        return edges[np.isin(edges, self.core).all(axis=1)]
+
+    @cached_property
     def node_body(self) -> Body:
         """The tree in the form that kernels take, with the keypoints of the body only."""
         return self.body._replace(keypoint_nodes=frozen(self.body.keypoint_nodes[self.node_keypoints], np.int64))

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -97,14 +98,19 @@ class PromotionFigures:
         n_frames: Number of frames in the same time.
         n_views: Mean number of views.
         error_sigma: Reprojection error, in standard deviations.
-        bone_variation: Relative variation of bone lengths.
+        measure_variation: Function that returns the relative variation of bone lengths.
     """
 
     n_hits: int
     n_frames: float
     n_views: float
     error_sigma: float
-    bone_variation: float
+    measure_variation: Callable[[], float]
+
+    @cached_property
+    def bone_variation(self) -> float:
+        """Relative variation of bone lengths, which takes longer to compute than the others."""
+        return self.measure_variation()
 
 
 def promotion_figures(track: TentativeTrack, settings: TrackerSettings) -> PromotionFigures:
@@ -114,7 +120,7 @@ def promotion_figures(track: TentativeTrack, settings: TrackerSettings) -> Promo
         track.frames,
         float(np.mean([each.n_views for each in track.observations])),
         float(np.median([each.error_sigma for each in track.observations])),
-        _bone_variation(track, settings),
+        partial(_bone_variation, track, settings),
     )
 
 
@@ -161,8 +167,7 @@ def core_bones(track: TentativeTrack, settings: TrackerSettings) -> tuple[np.nda
         track: The tentative track.
         settings: Settings of the tracker.
     """
-    edges = settings.skeleton.edge_indices
-    edges = edges[np.isin(edges, settings.core).all(axis=1)]
+    edges = settings.core_edges
     points = np.stack([e.points_m for e in track.observations])
     variances = np.stack([e.covariance_m2[:, (0, 3, 5)].mean(axis=1) for e in track.observations])
     lengths = np.linalg.norm(points[:, edges[:, 0]] - points[:, edges[:, 1]], axis=-1)
@@ -198,11 +203,31 @@ def fit_body(
         State of one body in the last frame; states in the frames before it; and the median reprojection error in the
         last frame, in standard deviations.
     """
+    past: list[PastState] = []
+    state = fit_last_state(observations, settings, shape_m, covariance, past)
+    return state, past[:-1], reprojection_error_sigma(state, observations[-1], settings)
+
+
+def fit_last_state(
+    observations: list[Observation],
+    settings: TrackerSettings,
+    shape_m: np.ndarray | None = None,
+    covariance: np.ndarray | None = None,
+    past: list[PastState] | None = None,
+) -> State:
+    """Fit a body to the first observation, filter it to the last, and return the state of one body there.
+
+    Args:
+        observations: Observations, oldest first.
+        settings: Settings of the tracker.
+        shape_m: shape (shape,): mean of the bone lengths; None for that of the tree.
+        covariance: shape (shape, shape): covariance of the bone lengths; None for that of the tree.
+        past: Receives the states in all frames.
+    """
     tree = settings.tree
     mean = tree.shape_m if shape_m is None else shape_m
     spread = tree.shape_covariance if covariance is None else covariance
     state = initial_state(tree, observations[0].points_m, mean, spread, settings.options.motion)
-    past: list[PastState] = []
     seen = np.zeros(len(tree.bones), dtype=bool)
     for i, each in enumerate(observations):
         since_s = each.time_s - observations[i - 1].time_s if i else np.inf
@@ -212,12 +237,10 @@ def fit_body(
         turn_bones(state.bones[0], shown, np.flatnonzero(~seen & (i > 0)))
         seen |= np.isfinite(shown).all(axis=1)
         update_by_observation(state, each, settings, since_s)
-        past.append(
-            PastState(
-                each.number, each.time_s, select_states(state, [0]), each.rows, each.keypoints_px, each.confidence
-            )
-        )  # fmt: skip
-    return state, past[:-1], reprojection_error_sigma(state, observations[-1], settings)
+        if past is not None:
+            now = select_states(state, [0])
+            past.append(PastState(each.number, each.time_s, now, each.rows, each.keypoints_px, each.confidence))
+    return state
 
 
 def update_by_observation(

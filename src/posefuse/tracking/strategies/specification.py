@@ -8,6 +8,7 @@ docs/methods/specification.md. The strategy serves comparisons and uses plain Nu
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -208,7 +209,7 @@ class CoreBody:
             round(n_frames),
             float(np.mean([each.n_views for each in buffer])),
             float(np.mean([each.error_sigma for each in buffer])),
-            _bone_variation(track, settings),
+            partial(_bone_variation, track, settings),
         )
 
     def fit(self, track: TentativeTrack, settings: TrackerSettings) -> tuple[State, list[PastState], float]:
