@@ -8,7 +8,6 @@ lengths are compared with those known from before.
 import math
 from collections import deque
 from dataclasses import dataclass, field
-from itertools import combinations
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from posefuse.tracking.records import Observation, Track
 from posefuse.tracking.reidentification import same_body_log_odds
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.strategy import FrameOutcome
-from posefuse.tracking.track_initiation import fit_body
+from posefuse.tracking.track_initiation import fit_last_state
 from posefuse.tracking.track_set import TrackSet
 
 MAX_OBSERVATIONS = 100
@@ -84,15 +83,33 @@ def update_contacts(
         return
     # Views that share one detection between two people show only one of them.
     supported, expected = outcome.supported & (outcome.rows >= 0), outcome.expected
-    # Most pairs are neither close nor were, so they cost no more than their distance.
-    known = {(index[first], index[second]) for first, second in contacts}
-    for (p, one), (q, other) in combinations(enumerate(state.root.tolist()), 2):
-        distance_m = math.dist(one, other)
-        if distance_m < options.near_m or (p, q) in known or (q, p) in known:
-            pair = ordered_pair(tracks[p].name, tracks[q].name)
+    roots = state.root.tolist()
+    known = {tuple(sorted((index[first], index[second]))) for first, second in contacts}
+    for p, q in sorted(known | _near_pairs(roots, options.near_m)):
+        pair, distance_m, merged_s = ordered_pair(tracks[p].name, tracks[q].name), math.dist(roots[p], roots[q]), 0.0
+        if distance_m < options.near_m:
             both = expected[p] & expected[q]
             merged = 2 * (both & (supported[p] != supported[q])).sum() > both.sum()
-            _update_contact(contacts, pair, distance_m, outcome.dt_s if merged else 0.0, outcome.time_s, options)
+            merged_s = outcome.dt_s if merged else 0.0
+        _update_contact(contacts, pair, distance_m, merged_s, outcome.time_s, options)
+
+
+def _near_pairs(points_m: list[list[float]], near_m: float) -> set[tuple[int, ...]]:
+    """Return the pairs of points that are near; along the first axis, few of a crowd are.
+
+    Args:
+        points_m: Points, not NaN.
+        near_m: Distance, in meters.
+    """
+    pairs = set()
+    order = sorted(range(len(points_m)), key=lambda p: points_m[p][0])
+    for i, p in enumerate(order):
+        for q in order[i + 1 :]:
+            if points_m[q][0] - points_m[p][0] >= near_m:
+                break
+            if math.dist(points_m[p], points_m[q]) < near_m:
+                pairs.add((p, q) if p < q else (q, p))
+    return pairs
 
 
 def _update_contact(
@@ -128,7 +145,7 @@ def drop_contacts(contacts: Contacts, names: tuple[str, str]) -> None:
 
 
 def observe_separated(contacts: Contacts, tracks: TrackSet, outcome: FrameOutcome, settings: TrackerSettings) -> None:
-    """Add this frame's observations of people whom several views show to their contacts.
+    """Add this frame's observations of people whom several views show to the contacts from which they are separated.
 
     Args:
         contacts: Updated in place.
@@ -136,21 +153,23 @@ def observe_separated(contacts: Contacts, tracks: TrackSet, outcome: FrameOutcom
         outcome: Outcome of the frame for these tracks.
         settings: Settings of the tracker.
     """
+    interval_s = settings.options.identity_audit.min_interval_s
+    due: dict[str, list[deque[Observation]]] = {}
+    for contact in contacts.values():
+        if math.isfinite(contact.separated_at_s):
+            for name in contact.names:
+                earlier = contact.observations.setdefault(name, deque(maxlen=MAX_OBSERVATIONS))
+                # Errors of consecutive frames are correlated.
+                if not earlier or outcome.time_s - earlier[-1].time_s > interval_s:
+                    due.setdefault(name, []).append(earlier)
+    if not due:
+        return
     projected = tracks.projected(settings.cameras[:0], settings)
     for p, track in enumerate(tracks.tracks):
-        if outcome.supported[p].sum() > 1:
-            observation = track_observation(outcome, p, projected, tracks, settings)
-            add_observation(contacts, track.name, observation, settings.options.identity_audit)
-
-
-def add_observation(contacts: Contacts, name: str, observation: Observation, options: IdentityAuditOptions) -> None:
-    """Add an observation of a person to the contacts from which the person is separated."""
-    for contact in contacts.values():
-        if name in contact.names and np.isfinite(contact.separated_at_s):
-            earlier = contact.observations.setdefault(name, deque(maxlen=MAX_OBSERVATIONS))
-            # Errors of consecutive frames are correlated.
-            if not earlier or observation.time_s - earlier[-1].time_s > options.min_interval_s:
-                earlier.append(observation)
+        if track.name in due and outcome.supported[p].sum() > 1:
+            new = track_observation(outcome, p, projected, tracks, settings)
+            for earlier in due[track.name]:
+                earlier.append(new)
 
 
 def track_observation(
@@ -169,15 +188,12 @@ def track_observation(
         tracks: All tracks.
         settings: Settings of the tracker.
     """
-    shape, frame, rows = (len(settings.rig), len(settings.skeleton)), outcome.frame, outcome.rows[p]
+    frame, rows, labels = outcome.frame, outcome.rows[p], outcome.labels[p]
+    shape = labels.shape
     pixels, confidence = np.full((*shape, 2), np.nan), np.full(shape, np.nan)
-    for v in np.flatnonzero(rows >= 0):
-        order = outcome.labels[p, v]
-        own = order >= 0
-        pixels[v, own], confidence[v, own] = (
-            frame.keypoints_px[rows[v], order[own]],
-            frame.confidence[rows[v], order[own]],
-        )
+    views, keypoints = np.nonzero((rows >= 0)[:, None] & (labels >= 0))
+    shown = rows[views], labels[views, keypoints]
+    pixels[views, keypoints], confidence[views, keypoints] = frame.keypoints_px[shown], frame.confidence[shown]
     return Observation(
         outcome.time_s, frame.number, pixels, confidence, rows, projected.points_m[p], projected.covariance_m2[p],
         tracks.state.root[p].copy(), 0.0, 1.0,
@@ -209,7 +225,7 @@ def audit_identities(
         if n_frames < options.min_frames:
             results.append(AuditResult(pair, swap=False, is_clear=False, log_odds=0.0, since_s=contact.separated_at_s))
             continue
-        fitted = [fit_body(subsample(contact.observations[name], options.frames), settings)[0] for name in pair]
+        fitted = [fit_last_state(subsample(contact.observations[name], options.frames), settings) for name in pair]
         p, q = (index[name] for name in pair)
         same = _log_odds(tracks, state, p, fitted[0], settings) + _log_odds(tracks, state, q, fitted[1], settings)
         swapped = _log_odds(tracks, state, p, fitted[1], settings) + _log_odds(tracks, state, q, fitted[0], settings)
