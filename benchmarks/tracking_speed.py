@@ -182,17 +182,17 @@ def _resident_mb() -> float:
     return int(file.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6 if file.exists() else float("nan")
 
 
-def _with_one_thread() -> None:
-    """Restart with one NumPy thread: waiting threads spin, which would count as CPU time."""
+def with_one_thread(module: str) -> None:
+    """Restart a benchmark with one NumPy thread: waiting threads spin, which would count as CPU time."""
     alone = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     if not alone.items() <= os.environ.items():
-        command = [sys.executable, "-m", "benchmarks.tracking_speed", *sys.argv[1:]]
+        command = [sys.executable, "-m", module, *sys.argv[1:]]
         os.execve(sys.executable, command, {**os.environ, **alone})
 
 
 def main() -> None:
     """Run all parts of the benchmark, or the selected ones."""
-    _with_one_thread()
+    with_one_thread("benchmarks.tracking_speed")
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default=",".join(PARTS))
     parser.add_argument("--runs", type=int, default=5)

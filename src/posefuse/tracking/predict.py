@@ -80,6 +80,8 @@ def predict_swaps(swapped: np.ndarray, dt_s: float, options: TrackerOptions) -> 
     """
     stationary = 1.0 / (1.0 + math.exp(min(-options.swap_log_odds, _MAX_LOG_ODDS)))
     retained = math.exp(-max(dt_s, 0.0) / options.swap_duration_s)
-    np.clip(
-        stationary + retained * (swapped - stationary), math.exp(-_MAX_LOG_ODDS), _MAX_PROBABILITY, out=swapped
-    )  # fmt: skip
+    np.subtract(swapped, stationary, out=swapped)
+    np.multiply(swapped, retained, out=swapped)
+    np.add(swapped, stationary, out=swapped)
+    np.maximum(swapped, math.exp(-_MAX_LOG_ODDS), out=swapped)
+    np.minimum(swapped, _MAX_PROBABILITY, out=swapped)

@@ -10,7 +10,7 @@ from posefuse.errors import SkeletonError
 from posefuse.kernels.tracking.error_model import ErrorModel
 from posefuse.kernels.tracking.records import Body, KeypointGraph, MotionModel, SideGroups
 from posefuse.kinematics.initial_pose import max_variances, motion_parameters
-from posefuse.model.cameras import CameraRig
+from posefuse.model.cameras import CameraRig, up_vector
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.skeleton.skeletons import Skeleton
@@ -115,6 +115,11 @@ class TrackerSettings(PickledByFields):
     def node_keypoints(self) -> np.ndarray:
         """The keypoints that the body has, shape (node keypoint,), int64."""
         return np.flatnonzero(self.body.keypoint_nodes >= 0)
+
+    @cached_property
+    def up(self) -> np.ndarray | None:
+        """Unit vector of the up axis, shape (3,); None if it is unknown."""
+        return None if self.rig.up_axis is None else np.array(up_vector(self.rig.up_axis))
 
     @cached_property
     def core_edges(self) -> np.ndarray:

@@ -11,7 +11,6 @@ import numpy as np
 
 from posefuse.kernels.tracking.posture_statistics import lowest_point, update_height_statistics, update_lean_statistics
 from posefuse.kernels.tracking.records import LeanStatistics, State
-from posefuse.model.cameras import up_vector
 from posefuse.tracking.body_states import ProjectedBodies, select_states, set_state
 from posefuse.tracking.records import RecentHistory
 from posefuse.tracking.settings import TrackerSettings, tempering_factor
@@ -48,10 +47,9 @@ def observe_height(
         dt_s: Time since the last frame, in seconds.
         settings: Settings of the tracker.
     """
-    if settings.rig.up_axis is not None:
-        up = np.array(up_vector(settings.rig.up_axis))
+    if settings.up is not None:
         update_height_statistics(
-            projected.points_m, up, n_views > 1, dt_s, settings.options.single_view.history_s,
+            projected.points_m, settings.up, n_views > 1, dt_s, settings.options.single_view.history_s,
             recent.height_observed_s, recent.lowest_m, recent.lowest_variance_m2,
         )  # fmt: skip
 
@@ -71,10 +69,11 @@ def apply_posture_prior(
         settings: Settings of the tracker.
     """
     options = settings.options.single_view
-    if not state.turns.shape[1] or dt_s <= 0.0:
+    applies = single_view & (recent.posture_observed_s >= options.min_history_s)
+    if not state.turns.shape[1] or dt_s <= 0.0 or not applies.any():
         return
     temper = float(tempering_factor(np.array([dt_s]), options.correlation_s)[0])
-    for p in np.flatnonzero(single_view & (recent.posture_observed_s >= options.min_history_s)).tolist():
+    for p in np.flatnonzero(applies).tolist():
         body = select_states(state, [p])
         rows, residual, variance = _lean_rows(body, recent, p, options.lean_sd)
         weighted = rows.T / (temper * variance)
@@ -97,14 +96,14 @@ def apply_height_prior(
         settings: Settings of the tracker.
     """
     options = settings.options.single_view
-    if settings.rig.up_axis is None or dt_s <= 0.0:
+    applies = single_view & (recent.height_observed_s >= options.min_history_s)
+    if settings.up is None or dt_s <= 0.0 or not applies.any():
         return
-    up = np.array(up_vector(settings.rig.up_axis))
     temper = float(tempering_factor(np.array([dt_s]), options.correlation_s)[0])
     row = np.empty(settings.tree.n_pose)
-    for p in np.flatnonzero(single_view & (recent.height_observed_s >= options.min_history_s)).tolist():
+    for p in np.flatnonzero(applies).tolist():
         body = select_states(state, [p])
-        residual = recent.lowest_m[p] - lowest_point(settings.body, body, up, row)
+        residual = recent.lowest_m[p] - lowest_point(settings.body, body, settings.up, row)
         weighted = row / (temper * (recent.lowest_variance_m2[p] + options.height_sd_m**2))
         update_pose(body, np.outer(weighted, row), weighted * residual, settings)
         set_state(state, p, body)

@@ -117,8 +117,10 @@ def _find_owner(given, q, v, assignment, workspace):
     place, rows = given.place, assignment.rows
     most, owner = given.split.min_evidence, -1
     for p in range(rows.shape[0]):
-        distance_px = math.hypot(place[p, v, 0] - place[q, v, 0], place[p, v, 1] - place[q, v, 1])
-        if p == q or rows[p, v] < 0 or not distance_px < given.split.distance_m * place[q, v, 2]:
+        if p == q or rows[p, v] < 0:
+            continue
+        du, dv = place[p, v, 0] - place[q, v, 0], place[p, v, 1] - place[q, v, 1]
+        if not du * du + dv * dv < (given.split.distance_m * place[q, v, 2]) ** 2:
             continue
         evidence = _second_evidence(given, p, q, v, rows[p, v], assignment.labels[p, v], workspace)
         if evidence > most:
