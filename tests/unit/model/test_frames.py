@@ -71,3 +71,10 @@ def test_frame_without_time_or_views_is_an_error_with_a_remedy(rng):
         Frame.of_people([], [], 0.0)
     with pytest.raises(DetectionsError, match=r"one per view \(2\); got shape \(3,\)"):
         Frame.of_people([None, None], time_s=[0.0, 0.1, 0.2])
+
+
+def test_boxes_contain_the_keypoints_of_each_detection():
+    keypoints_px = np.array([[[1.0, 8.0], [5.0, 2.0], [np.nan, np.nan]], np.full((3, 2), np.nan)])
+    frame = Frame.of_people([keypoints_px], time_s=0.0)
+    np.testing.assert_array_equal(frame.boxes_px, [[1.0, 2.0, 5.0, 8.0], [np.nan] * 4])
+    assert Frame.of_people([np.empty((0, 3, 2))], time_s=0.0).boxes_px.shape == (0, 4)
