@@ -79,7 +79,7 @@ def pose_from_points(
         Root, shape (3,), turns of segments (segment, 3, 3) and frames of bones (bone, 3, 3).
     """
     structure, known, places = _structure_of(tree), _known_nodes(tree, points_m), node_offsets(tree, shape_m)
-    is_known = np.isfinite(known).all(axis=1)
+    is_known = [bool(each) for each in np.isfinite(known[:, 0])]
     turns = np.tile(np.eye(3), (len(tree.segments), 1, 1))
     bones = np.tile(np.eye(3), (len(tree.bones), 1, 1))
     found: dict[int, np.ndarray] = {}

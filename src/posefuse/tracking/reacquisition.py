@@ -11,7 +11,7 @@ import numpy as np
 from posefuse.kernels.tracking.records import State
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.records import TentativeTrack, Track
-from posefuse.tracking.reidentification import Reidentification, lost_log_odds
+from posefuse.tracking.reidentification import Reidentification, lost_log_odds, may_be_within_reach
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.track_initiation import fit_last_state
 
@@ -33,8 +33,9 @@ def find_reacquired_tracks(
     options = settings.options.reidentification
     lost = [p for p, track in enumerate(tracks) if track.state == TrackState.LOST]
     odds, near = np.full((2, len(lost), len(tentative)), -math.inf)
-    for j, each in enumerate(tentative):
-        odds[:, j], near[:, j] = _log_odds(tracks, state, lost, each, settings)
+    last = [each.observations[-1] for each in tentative]
+    for j in np.flatnonzero(may_be_within_reach(tracks, state, lost, last, settings)).tolist():
+        odds[:, j], near[:, j] = _log_odds(tracks, state, lost, tentative[j], settings)
     found: list[tuple[Reidentification, TentativeTrack]] = []
     while odds.size and odds.max() > -math.inf:
         i, j = np.unravel_index(int(odds.argmax()), odds.shape)

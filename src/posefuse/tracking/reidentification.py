@@ -143,7 +143,7 @@ def position_log_odds(
     """
     centers_m = [_centers_m(each, settings) for each in (lost, fitted)]
     options, offset_m = settings.options.reidentification, centers_m[1] - centers_m[0]
-    reach_m = options.reach_m + settings.options.motion.top_speed_m_s * absent_s
+    reach_m = _reach_m(absent_s, settings)
     anywhere = 3.0 * np.log(options.room_m / np.minimum(reach_m, options.room_m)) + math.log(_ANYWHERE)
     floor = (_CENTER_SHARE * options.trunk_sd_m) ** 2 * np.eye(3)
     uniform = 3.0 * math.log(options.room_m / math.sqrt(2.0 * math.pi))
@@ -155,6 +155,32 @@ def position_log_odds(
         odds = np.logaddexp(odds, near + math.log(0.5 * (1.0 - _ANYWHERE)))
     beyond = (np.linalg.norm(offset_m, axis=1) > reach_m) & (not closed)
     return np.where(beyond, -math.inf, odds)
+
+
+def may_be_within_reach(
+    tracks: list[Track], state: State, lost: list[int], observations: list[Observation], settings: TrackerSettings
+) -> np.ndarray:
+    """Return which observations may show a lost person within reach, shape (observation,), bool.
+
+    A body that is fitted to the others would be beyond the reach of all lost people. Its center is within the size of a
+    body of the observed trunk.
+
+    Args:
+        tracks: Confirmed tracks.
+        state: States of the tracks.
+        lost: Indices of the lost tracks.
+        observations: Observations of the same frame.
+        settings: Settings of the tracker.
+    """
+    centers_m = _centers_m(select_states(state, lost), settings)
+    absent_s = np.array([[each.time_s - tracks[p].last_seen_s for p in lost] for each in observations])
+    offset_m = np.linalg.norm(np.stack([each.torso_m for each in observations])[:, None] - centers_m, axis=-1)
+    # An unknown trunk may be anywhere.
+    return (~(offset_m > _reach_m(absent_s, settings) + settings.tree.size_m)).any(axis=1)
+
+
+def _reach_m(absent_s: np.ndarray, settings: TrackerSettings) -> np.ndarray:
+    return settings.options.reidentification.reach_m + settings.options.motion.top_speed_m_s * absent_s
 
 
 def _centers_m(bodies: State, settings: TrackerSettings) -> np.ndarray:
