@@ -262,7 +262,9 @@ def _join_odds(terms, side, n, area, outlier_share):
         grown = determinant + (yy * r * r - 2.0 * xy * r * s + xx * s * s) * (1.0 / 3.0)
         ratio = area * determinant * determinant / (grown * grown * math.sqrt(grown))
         is_common = x + own == x + own
-        odds = (1.0 - outlier_share) * (ratio if depth > 0.0 else 0.0) + outlier_share
+        # By rounding, the covariance of rays that are almost parallel may not be one. Its limit is infinite.
+        is_certain = (depth > 0.0) & (determinant > 0.0) & (grown >= determinant)
+        odds = (1.0 - outlier_share) * (ratio if is_certain else 0.0) + outlier_share
         terms.odds[k] = odds if is_common else 1.0
         terms.common[k] = 1.0 if is_common else 0.0
 
@@ -295,9 +297,11 @@ def bone_log_odds(candidates, parameters, points):
         own_variance = (bones[i, 3] - bones[i, 2]) * (1.0 / 6.0)
         variance = own_variance * own_variance
         variance += _variance_along(points, a, dx, dy, dz, length) + _variance_along(points, b, dx, dy, dz, length)
-        likelihood_ratio = (
-            2.0 * bones[i, 3] * math.exp(-0.5 * deviation * deviation / variance) / math.sqrt(variance) * _NORMAL_PEAK
-        )
+        # By rounding, the variance of a point on rays that are almost parallel may be negative. Its limit is infinite.
+        likelihood_ratio = 0.0
+        if variance > 0.0:
+            density = math.exp(-0.5 * deviation * deviation / variance) / math.sqrt(variance) * _NORMAL_PEAK
+            likelihood_ratio = 2.0 * bones[i, 3] * density
         total += _keypoint_log_odds(likelihood_ratio, parameters.outlier_share)
         n_valid += 1
     return _effective_log_odds(total, n_valid, 1, parameters.independent_bones)
