@@ -17,6 +17,7 @@ from posefuse.kernels.trajectory.observation_terms import PathSystem
 from posefuse.trajectory.bones import Bones
 from posefuse.trajectory.paths import PersonPriors
 
+_MIN_LENGTH_M = 1e-12
 _STOPPING = Stopping(max_iterations=30, tolerance=1e-3, negligible=3e-4)
 """Larger errors than 0.0003 standard deviations per coordinate would show as seams between windows."""
 
@@ -93,10 +94,22 @@ def solve_system(
     steps, covariance = np.empty_like(rhs), np.empty_like(band)
     solve_with_bones(
         PathFactor(lower, inverse),
-        BoneTerms(bones.components, ends, directions, stiffness, bone_information),
+        BoneTerms(bones.components, ends, directions, stiffness, _across(stiffness, length_error, length_m), bone_information),
         rhs,
         _STOPPING,
         steps,
     )
     invert_paths(lower, inverse, covariance)
     return steps, covariance
+
+
+def _across(stiffness: np.ndarray, length_error_m: np.ndarray, length_m: np.ndarray) -> np.ndarray:
+    """Return the stiffness against the rotation of bones, shape (bone, frame), of those that are longer than known.
+
+    It is the second derivative of the squared error of the length across the bone. Gauss-Newton steps, which leave it
+    out, overshoot where a bone is shorter than the errors of its ends, such as those of a face, and alternate between
+    two solutions. Its negative values, for bones that are too short, are left out: with them, the system might not be
+    positive definite.
+    """
+    error_m = np.maximum(length_error_m, 0.0)
+    return stiffness * error_m / np.maximum(error_m + np.nan_to_num(length_m)[:, None], _MIN_LENGTH_M)

@@ -10,6 +10,9 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 from posefuse.kernels.trajectory.bone_terms import Components
 from posefuse.skeleton.skeletons import Skeleton
 
+_MIN_BATCH = 16
+"""Minimum number of keypoints that are solved together."""
+
 
 @dataclass(frozen=True, eq=False)
 class Bones:
@@ -33,6 +36,34 @@ class Bones:
         nothing = np.zeros((0, 2), dtype=np.int64)
         alone = _components(np.arange(keypoints), nothing)
         return cls(nothing, nothing, np.zeros(0, dtype=np.bool_), alone)
+
+    def of_keypoints(self, keypoints: np.ndarray) -> tuple[Self, np.ndarray]:
+        """Return the bones between some keypoints, sorted indices, and the indices of these bones.
+
+        Args:
+            keypoints: shape (keypoint,), whole groups of connected keypoints.
+        """
+        kept = np.flatnonzero(np.isin(self.ends[:, 0], keypoints))
+        ends = np.ascontiguousarray(np.searchsorted(keypoints, self.ends[kept]), dtype=np.int64)
+        order = self.order[np.isin(self.order[:, 0], kept)]
+        order = np.stack([np.searchsorted(kept, order[:, 0]), order[:, 1]], axis=1)
+        label = np.searchsorted(keypoints, _lowest_of_group(self.components)[keypoints])
+        return type(self)(ends, order, self.rigid[kept], _components(np.unique(label, return_inverse=True)[1], ends)), kept
+
+    @property
+    def batches(self) -> list[np.ndarray]:
+        """Whole groups of keypoints that are solved together: sorted indices, in all every keypoint once.
+
+        Small groups are joined, because each call of a kernel on few keypoints costs as much as the work in it.
+        """
+        found: list[np.ndarray] = []
+        first = 0
+        ends = self.components.ends[:, 0]
+        for end in ends:
+            if end - first >= _MIN_BATCH or end == ends[-1]:
+                found.append(np.sort(self.components.keypoints[first:end]))
+                first = end
+        return found
 
     @classmethod
     def of(cls, skeleton: Skeleton) -> Self:
@@ -64,3 +95,13 @@ def _components(label: np.ndarray, ends: np.ndarray) -> Components:
     counts = np.stack([np.bincount(each, minlength=len(groups)) for each in (label, bone_label)], axis=1)
     keypoints, bones = (np.argsort(each, kind="stable").astype(np.int64) for each in (label, bone_label))
     return Components(keypoints, bones, np.cumsum(counts, axis=0, dtype=np.int64))
+
+
+def _lowest_of_group(components: Components) -> np.ndarray:
+    """Return the lowest keypoint of the group of each keypoint, shape (keypoint,)."""
+    lowest, first = np.empty(len(components.keypoints), dtype=np.int64), 0
+    for end in components.ends[:, 0]:
+        group = components.keypoints[first:end]
+        lowest[group] = group.min()
+        first = end
+    return lowest

@@ -1,6 +1,6 @@
 """Observations of one person: every view's keypoints in the array layout of the kernels, one path per keypoint."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -107,6 +107,13 @@ class PersonObservations:
     def has_points(self) -> bool:
         """Whether the person was measured in any frame."""
         return bool(np.isfinite(self.points_m).any())
+
+    def of_keypoints(self, keypoints: np.ndarray) -> Self:
+        """Return the observations of some keypoints."""
+        return replace(
+            self, pixels=self.pixels[keypoints], sigma_px=self.sigma_px[keypoints], agreed=self.agreed[keypoints],
+            points_m=self.points_m[keypoints],
+        )  # fmt: skip
 
     def linear(self, paths_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return residuals (keypoint, frame, view, 2) in px, projected minus observed, and derivatives (..., 2, 3)."""

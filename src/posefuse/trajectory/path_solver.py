@@ -49,6 +49,11 @@ _CONTACT_ROUNDS = 2
 """Number of rounds with ground contact, each with the contact that the paths before it show."""
 
 
+_SETTLED_SIGMA, _SETTLED_S = 0.4, 0.5
+"""Paths have settled if a round moves none by this many standard deviations, RMS over this time. Rounds then change them
+by a half to a third of the step before."""
+
+
 _PERSISTENT_LIMIT_FACTOR = 0.65
 """Factor for the rejection limits if errors are persistent, because errors of successive frames do not cancel."""
 
@@ -63,6 +68,7 @@ class PathSolver:
         bones: of the skeleton.
         options: of the solve.
         contact: keypoints on the ground, or None.
+        longest_step_m: limit of the steps of a round; None for half the measured size of the subject.
     """
 
     observed: PersonObservations
@@ -70,6 +76,7 @@ class PathSolver:
     bones: Bones
     options: TrajectoryOptions
     contact: GroundContact | None = None
+    longest_step_m: float | None = None
 
     def solve(
         self, person_priors: PersonPriors, find_contact: Callable[[Paths], GroundContact | None] | None = None
@@ -101,30 +108,62 @@ class PathSolver:
         return Roughness.of(self.observed, paths.paths_m, paths.covariance_m2, paths.weights, person_priors.spread)
 
     def smooth(self, person_priors: PersonPriors) -> Paths:
-        """Run all rounds."""
-        paths = Paths.initial(self.observed, self.smoothness, self.options)
+        """Run all rounds, for each batch of connected keypoints until its paths settle."""
+        initial = Paths.initial(self.observed, self.smoothness, self.options)
         scale = self.error_level.scale(person_priors)
+        batches = self.bones.batches
+        if len(batches) < 2:
+            return self._settle(initial, person_priors, scale)
+        found = []
+        for keypoints in batches:
+            solver, priors = self._of_keypoints(keypoints, person_priors)
+            found.append((keypoints, solver._settle(initial.of_keypoints(keypoints), priors, scale[keypoints])))
+        return Paths.joined(found)
+
+    def _settle(self, paths: Paths, person_priors: PersonPriors, scale: np.ndarray) -> Paths:
+        """Perform rounds until all paths settle, at most as many as the options say."""
+        min_agreeing = self._min_agreeing_views(person_priors)
         for number in range(_FIXED_WEIGHT_ROUNDS + self.options.iterations):
-            paths = self.perform_round(
-                paths,
-                person_priors,
-                scale,
-                keep_weights=number < _FIXED_WEIGHT_ROUNDS,
-                min_agreeing=self._min_agreeing_views(person_priors),
-            )
+            before, keep = paths, number < _FIXED_WEIGHT_ROUNDS
+            paths = self.perform_round(paths, person_priors, scale, keep_weights=keep, min_agreeing=min_agreeing)
+            if not keep and self._has_settled(before, paths):
+                break
         return paths
+
+    def _has_settled(self, before: Paths, after: Paths) -> bool:
+        """Return whether a round moved no path by more than a fraction of its standard deviation over a while."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            moved = np.square(after.paths_m - before.paths_m).sum(axis=-1)
+            moved /= np.trace(after.covariance_m2, axis1=-2, axis2=-1) / 3.0
+        window = 2 * round(0.5 * _SETTLED_S / self.observed.step_s) + 1
+        moved = np.where(after.alive & np.isfinite(moved), moved, 0.0)
+        return not (uniform_filter1d(moved, window, axis=1, mode="nearest") > _SETTLED_SIGMA**2).any()
+
+    def _of_keypoints(self, keypoints: np.ndarray, person_priors: PersonPriors) -> tuple["PathSolver", PersonPriors]:
+        """Return the solver and the priors of whole groups of connected keypoints, sorted indices."""
+        bones, kept = self.bones.of_keypoints(keypoints)
+        contact = None if self.contact is None else self.contact.of_keypoints(keypoints)
+        solver = replace(
+            self, observed=self.observed.of_keypoints(keypoints), bones=bones, contact=contact,
+            longest_step_m=self.max_step_m,
+        )  # fmt: skip
+        return solver, person_priors.of_keypoints(keypoints, kept)
 
     def _with_contact(
         self, paths: Paths, person_priors: PersonPriors, find_contact: Callable[[Paths], GroundContact | None]
     ) -> Paths:
-        """Run the rounds with ground contact."""
+        """Run the rounds with ground contact, which change the keypoints that are connected with those in contact."""
         scale, min_agreeing = self.error_level.scale(person_priors), self._min_agreeing_views(person_priors)
         for _ in range(_CONTACT_ROUNDS):
             contact = find_contact(paths)
             if contact is None:
                 break
-            solver = replace(self, contact=contact)
-            paths = solver.perform_round(paths, person_priors, scale, keep_weights=False, min_agreeing=min_agreeing)
+            own = np.sort(np.concatenate([each for each in self.bones.batches if np.isin(contact.keypoints, each).any()]))
+            solver, priors = replace(self, contact=contact)._of_keypoints(own, person_priors)
+            touched = solver.perform_round(
+                paths.of_keypoints(own), priors, scale[own], keep_weights=False, min_agreeing=min_agreeing
+            )
+            paths = paths.with_keypoints(own, touched)
         return paths
 
     def first_variance(self, paths: Paths, person_priors: PersonPriors) -> np.ndarray:
@@ -313,7 +352,9 @@ class PathSolver:
 
     @cached_property
     def max_step_m(self) -> float:
-        """Maximum step length: half the measured size of the subject; inf if it is unknown."""
+        """Maximum step length; inf if the size of the subject is unknown."""
+        if self.longest_step_m is not None:
+            return self.longest_step_m
         points = self.observed.points_m
         with np.errstate(invalid="ignore"):
             extent = np.linalg.norm(np.fmax.reduce(points, axis=0) - np.fmin.reduce(points, axis=0), axis=-1)

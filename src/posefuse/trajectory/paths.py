@@ -1,6 +1,7 @@
 """Paths of one person's keypoints, and the parameters they are solved with."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Self
 
 import numpy as np
@@ -45,6 +46,15 @@ class PersonPriors:
     inflation: np.ndarray | None = None
     error_variance: float = 1.0
 
+    def of_keypoints(self, keypoints: np.ndarray, bones: np.ndarray) -> Self:
+        """Return the parameters of some keypoints and of the bones between them."""
+        roughness, inflation = self.roughness_m2, self.inflation
+        return replace(
+            self, density=self.density[keypoints], length_m=self.length_m[bones], length_sd_m=self.length_sd_m[bones],
+            roughness_m2=None if roughness is None else roughness[keypoints],
+            inflation=None if inflation is None else inflation[keypoints],
+        )  # fmt: skip
+
 
 @dataclass(frozen=True, eq=False)
 class Paths:
@@ -71,6 +81,27 @@ class Paths:
     density_factor: np.ndarray
     squares: np.ndarray
     determined: np.ndarray
+
+    def of_keypoints(self, keypoints: np.ndarray) -> Self:
+        """Return the paths of some keypoints."""
+        return type(self)(*(getattr(self, each.name)[keypoints] for each in fields(self)))
+
+    def with_keypoints(self, keypoints: np.ndarray, others: Self) -> Self:
+        """Return the paths with those of some keypoints replaced."""
+        return self.joined([(np.arange(len(self.paths_m)), self), (keypoints, others)])
+
+    @classmethod
+    def joined(cls, parts: Sequence[tuple[np.ndarray, Self]]) -> Self:
+        """Return the paths of all keypoints from those of groups; later groups replace earlier ones."""
+        number = 1 + max(int(keypoints.max()) for keypoints, _ in parts)
+        arrays = []
+        for each in fields(cls):
+            of_first = getattr(parts[0][1], each.name)
+            whole = np.empty((number, *of_first.shape[1:]), of_first.dtype)
+            for keypoints, paths in parts:
+                whole[keypoints] = getattr(paths, each.name)
+            arrays.append(whole)
+        return cls(*arrays)
 
     @classmethod
     def initial(cls, observed: PersonObservations, smoothness: Smoothness, options: TrajectoryOptions) -> Self:

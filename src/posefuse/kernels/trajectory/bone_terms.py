@@ -122,7 +122,7 @@ def add_to_diagonal(information, band):
 
 @vectorized
 def _multiply_bones(bone_terms, first_bone, end_bone, vectors, out):
-    """Add the product of the terms of some bones with vectors: the ends are coupled along the direction of the bone."""
+    """Add the product of the terms of some bones with vectors: the ends are coupled along the bone and across it."""
     for n in range(first_bone, end_bone):
         b = bone_terms.components.bones[n]
         one = vectors[bone_terms.bones[b, 0]]
@@ -130,17 +130,23 @@ def _multiply_bones(bone_terms, first_bone, end_bone, vectors, out):
         one_out = out[bone_terms.bones[b, 0]]
         other_out = out[bone_terms.bones[b, 1]]
         for f in range(vectors.shape[1]):
-            w = bone_terms.stiffness[b, f]
+            across = bone_terms.across[b, f]
             x = bone_terms.directions[b, f, 0]
             y = bone_terms.directions[b, f, 1]
             z = bone_terms.directions[b, f, 2]
-            w *= x * (one[f, 0] - other[f, 0]) + y * (one[f, 1] - other[f, 1]) + z * (one[f, 2] - other[f, 2])
-            one_out[f, 0] += w * x
-            one_out[f, 1] += w * y
-            one_out[f, 2] += w * z
-            other_out[f, 0] -= w * x
-            other_out[f, 1] -= w * y
-            other_out[f, 2] -= w * z
+            u = one[f, 0] - other[f, 0]
+            v = one[f, 1] - other[f, 1]
+            w = one[f, 2] - other[f, 2]
+            along = (bone_terms.stiffness[b, f] - across) * (x * u + y * v + z * w)
+            u = along * x + across * u
+            v = along * y + across * v
+            w = along * z + across * w
+            one_out[f, 0] += u
+            one_out[f, 1] += v
+            one_out[f, 2] += w
+            other_out[f, 0] -= u
+            other_out[f, 1] -= v
+            other_out[f, 2] -= w
 
 
 @vectorized
@@ -203,6 +209,7 @@ class BoneTerms(NamedTuple):
         bones: shape (bone, 2), int64: keypoints.
         directions: shape (bone, frame, 3).
         stiffness: shape (bone, frame): inverse variance of the length; 0 where the bone is absent.
+        across: shape (bone, frame): stiffness against the rotation of the bone, at most that of the length.
         information: shape (keypoint, frame, 3, 3): stands in for the bones on the diagonal of the band.
     """
 
@@ -210,6 +217,7 @@ class BoneTerms(NamedTuple):
     bones: Any
     directions: Any
     stiffness: Any
+    across: Any
     information: Any
 
 

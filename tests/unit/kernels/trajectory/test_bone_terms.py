@@ -37,25 +37,27 @@ def test_steps_equal_those_of_a_dense_solve():
     directions = rng.normal(size=(2, FRAMES, 3))
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
     stiffness = rng.uniform(0.0, 20.0, (2, FRAMES))
-    stiffness[0, 2] = 0.0
+    across = stiffness * rng.uniform(0.0, 1.0, stiffness.shape)
+    stiffness[0, 2] = across[0, 2] = 0.0
     whole = np.zeros((KEYPOINTS, FRAMES, 3, KEYPOINTS, FRAMES, 3))
     for k, path in enumerate(paths):
         whole[k, :, :, k] = path
     information = np.zeros((KEYPOINTS, FRAMES, 3, 3))
     for b, (one, other) in enumerate(BONES):
         for f in range(FRAMES):
-            block = stiffness[b, f] * np.outer(directions[b, f], directions[b, f])
+            along = np.outer(directions[b, f], directions[b, f])
+            block = stiffness[b, f] * along + across[b, f] * (np.eye(3) - along)
             for k, other_k, sign in ((one, one, 1), (other, other, 1), (one, other, -1), (other, one, -1)):
                 whole[k, f, :, other_k, f] += sign * block
-            information[one, f] += block
-            information[other, f] += block
+            information[one, f] += stiffness[b, f] * along
+            information[other, f] += stiffness[b, f] * along
     band = np.stack([band_of(path) for path in paths])
     band[:, :, 0] += information
     lower, inverse = np.empty((KEYPOINTS, FRAMES, REACH, 3, 3)), np.empty((KEYPOINTS, FRAMES, 3, 3))
     factor_paths(band, lower, inverse, np.empty(KEYPOINTS))
     rhs, steps = rng.normal(size=(KEYPOINTS, FRAMES, 3)), np.empty((KEYPOINTS, FRAMES, 3))
     expected = np.linalg.solve(whole.reshape(3 * KEYPOINTS * FRAMES, -1), rhs.ravel()).reshape(rhs.shape)
-    terms = BoneTerms(COMPONENTS, BONES, directions, stiffness, information)
+    terms = BoneTerms(COMPONENTS, BONES, directions, stiffness, across, information)
     used = solve_with_bones(PathFactor(lower, inverse), terms, rhs, Stopping(100, 1e-12, 0.0), steps)
     np.testing.assert_allclose(steps, expected, atol=1e-9)
     # A keypoint without bones needs one step, so the iterations are those of the others.
@@ -68,8 +70,9 @@ def test_negligible_residuals_end_the_iterations():
     lower, inverse = np.empty((KEYPOINTS, FRAMES, REACH, 3, 3)), np.empty((KEYPOINTS, FRAMES, 3, 3))
     factor_paths(band, lower, inverse, np.empty(KEYPOINTS))
     terms = BoneTerms(
-        COMPONENTS, BONES, np.ones((2, FRAMES, 3)), np.ones((2, FRAMES)), np.zeros((KEYPOINTS, FRAMES, 3, 3))
-    )
+        COMPONENTS, BONES, np.ones((2, FRAMES, 3)), np.ones((2, FRAMES)), np.zeros((2, FRAMES)),
+        np.zeros((KEYPOINTS, FRAMES, 3, 3)),
+    )  # fmt: skip
     used = [
         solve_with_bones(
             PathFactor(lower, inverse), terms, np.ones((KEYPOINTS, FRAMES, 3)), Stopping(100, 1e-9, negligible),
