@@ -17,9 +17,11 @@ from posefuse.kernels.trajectory.observation_terms import PathSystem
 from posefuse.trajectory.bones import Bones
 from posefuse.trajectory.paths import PersonPriors
 
+_STOPPING = Stopping(max_iterations=30, tolerance=1e-3, negligible=1e-3)
+"""Larger errors than 0.001 standard deviations per coordinate would show as seams between windows."""
+
 _MIN_LENGTH_M = 1e-12
-_STOPPING = Stopping(max_iterations=30, tolerance=1e-3, negligible=3e-4)
-"""Larger errors than 0.0003 standard deviations per coordinate would show as seams between windows."""
+"""Length that stands for none in a quotient."""
 
 _BONE_REACH = 3.0
 """Distance, in standard deviations of length and views, at which a bone holds a quarter as tightly."""

@@ -49,9 +49,13 @@ _CONTACT_ROUNDS = 2
 """Number of rounds with ground contact, each with the contact that the paths before it show."""
 
 
-_SETTLED_SIGMA, _SETTLED_S = 0.4, 0.5
-"""Paths have settled if a round moves none by this many standard deviations, RMS over this time. Rounds then change them
-by a half to a third of the step before."""
+_MIN_REWEIGHTED_ROUNDS = 3
+"""Number of rounds with new weights after which paths change by a few hundredths of their standard deviations."""
+
+
+_SETTLED_SIGMA, _SETTLED_S = 1.0, 0.5
+"""Further rounds follow while one moves a path by this many standard deviations, RMS over this time, as where a single
+view sees a point for long. Rounds that windows of a recording did not have in common would show at their borders."""
 
 
 _PERSISTENT_LIMIT_FACTOR = 0.65
@@ -126,12 +130,12 @@ class PathSolver:
         for number in range(_FIXED_WEIGHT_ROUNDS + self.options.iterations):
             before, keep = paths, number < _FIXED_WEIGHT_ROUNDS
             paths = self.perform_round(paths, person_priors, scale, keep_weights=keep, min_agreeing=min_agreeing)
-            if not keep and self._has_settled(before, paths):
+            if number + 1 >= _FIXED_WEIGHT_ROUNDS + _MIN_REWEIGHTED_ROUNDS and self._has_settled(before, paths):
                 break
         return paths
 
     def _has_settled(self, before: Paths, after: Paths) -> bool:
-        """Return whether a round moved no path by more than a fraction of its standard deviation over a while."""
+        """Return whether a round moved no path by more than its standard deviation over a while."""
         with np.errstate(invalid="ignore", divide="ignore"):
             moved = np.square(after.paths_m - before.paths_m).sum(axis=-1)
             moved /= np.trace(after.covariance_m2, axis1=-2, axis2=-1) / 3.0
