@@ -91,7 +91,6 @@ TESTED_ELSEWHERE = {
     "unit/association/test_proposals.py": ("model/proposals.py",),
     "unit/biomechanics/test_gait.py": (
         "biomechanics/contact.py",
-        "biomechanics/contact_times.py",
         "biomechanics/floor_levels.py",
         "biomechanics/foot_paths.py",
         "biomechanics/gait_events.py",

@@ -96,7 +96,9 @@ def solve_system(
     steps, covariance = np.empty_like(rhs), np.empty_like(band)
     solve_with_bones(
         PathFactor(lower, inverse),
-        BoneTerms(bones.components, ends, directions, stiffness, _across(stiffness, length_error, length_m), bone_information),
+        BoneTerms(
+            bones.components, ends, directions, stiffness, _across(stiffness, length_error, length_m), bone_information
+        ),
         rhs,
         _STOPPING,
         steps,

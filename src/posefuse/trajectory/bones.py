@@ -48,7 +48,9 @@ class Bones:
         order = self.order[np.isin(self.order[:, 0], kept)]
         order = np.stack([np.searchsorted(kept, order[:, 0]), order[:, 1]], axis=1)
         label = np.searchsorted(keypoints, _lowest_of_group(self.components)[keypoints])
-        return type(self)(ends, order, self.rigid[kept], _components(np.unique(label, return_inverse=True)[1], ends)), kept
+        return type(self)(
+            ends, order, self.rigid[kept], _components(np.unique(label, return_inverse=True)[1], ends)
+        ), kept
 
     @property
     def batches(self) -> list[np.ndarray]:

@@ -162,7 +162,9 @@ class PathSolver:
             contact = find_contact(paths)
             if contact is None:
                 break
-            own = np.sort(np.concatenate([each for each in self.bones.batches if np.isin(contact.keypoints, each).any()]))
+            own = np.sort(
+                np.concatenate([each for each in self.bones.batches if np.isin(contact.keypoints, each).any()])
+            )
             solver, priors = replace(self, contact=contact)._of_keypoints(own, person_priors)
             touched = solver.perform_round(
                 paths.of_keypoints(own), priors, scale[own], keep_weights=False, min_agreeing=min_agreeing

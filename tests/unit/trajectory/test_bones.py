@@ -32,3 +32,16 @@ def test_groups_hold_every_keypoint_and_bone_once_and_no_bone_leaves_its_group()
 def test_without_bones_every_keypoint_is_a_group():
     assert groups_of(Bones.none(3)) == [({0}, set()), ({1}, set()), ({2}, set())]
     assert groups_of(Bones.none(0)) == []
+
+
+def test_batches_hold_whole_groups_and_every_keypoint_once():
+    skeleton = shipped_skeleton("coco_wholebody_133")
+    bones = Bones.of(skeleton)
+    batches = bones.batches
+    np.testing.assert_array_equal(np.sort(np.concatenate(batches)), np.arange(len(skeleton)))
+    for keypoints in batches:
+        own, kept = bones.of_keypoints(keypoints)
+        np.testing.assert_array_equal(keypoints[own.ends], bones.ends[kept])
+        np.testing.assert_array_equal(np.sort(own.components.keypoints), np.arange(len(keypoints)))
+        assert own.components.ends[-1, 1] == len(own.ends)
+        assert len(own.order) == np.isin(bones.order[:, 0], kept).sum()
