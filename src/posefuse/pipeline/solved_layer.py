@@ -28,7 +28,7 @@ from posefuse.trajectory import solve as trajectory
 from posefuse.trajectory.observations import MeasuredRange
 from posefuse.trajectory.priors import RecordingPriors
 
-BLOCK_FRAMES = 2048
+BLOCK_FRAMES = 1024
 """Number of frames solved at a time, besides the margin around them."""
 
 

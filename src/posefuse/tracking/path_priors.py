@@ -233,8 +233,8 @@ def fit_path(begin: State, run: Run, priors: PathPriors, settings: TrackerSettin
         settings: Settings of the tracker.
 
     Returns:
-        State with one entry per frame, and covariances without velocities; None if the run is too short, shows nothing or could not be fitted, or if fitted
-            poses of the track explain the detections worse than the smoothed ones.
+        State with one entry per frame, and covariances without velocities; None if the run is too short, shows nothing
+            or could not be fitted, or if fitted poses of the track explain the detections worse than the smoothed ones.
     """
     lengths = priors.bodies.get(run.number)
     if len(run) < _MIN_FRAMES or not lengths or not np.isfinite(run.confidence).any():

@@ -114,19 +114,18 @@ class PathSolver:
     def smooth(self, person_priors: PersonPriors) -> Paths:
         """Run all rounds, for each batch of connected keypoints until its paths settle."""
         initial = Paths.initial(self.observed, self.smoothness, self.options)
-        scale = self.error_level.scale(person_priors)
         batches = self.bones.batches
         if len(batches) < 2:
-            return self._settle(initial, person_priors, scale)
+            return self._settle(initial, person_priors)
         found = []
         for keypoints in batches:
             solver, priors = self._of_keypoints(keypoints, person_priors)
-            found.append((keypoints, solver._settle(initial.of_keypoints(keypoints), priors, scale[keypoints])))
+            found.append((keypoints, solver._settle(initial.of_keypoints(keypoints), priors)))
         return Paths.joined(found)
 
-    def _settle(self, paths: Paths, person_priors: PersonPriors, scale: np.ndarray) -> Paths:
+    def _settle(self, paths: Paths, person_priors: PersonPriors) -> Paths:
         """Perform rounds until all paths settle, at most as many as the options say."""
-        min_agreeing = self._min_agreeing_views(person_priors)
+        scale, min_agreeing = self.error_level.scale(person_priors), self._min_agreeing_views(person_priors)
         for number in range(_FIXED_WEIGHT_ROUNDS + self.options.iterations):
             before, keep = paths, number < _FIXED_WEIGHT_ROUNDS
             paths = self.perform_round(paths, person_priors, scale, keep_weights=keep, min_agreeing=min_agreeing)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.reference import twist as naive
 
 from posefuse.kinematics.twist import full_rotations
 from posefuse.skeleton.skeletons import shipped_skeleton
+from tests.reference import twist as naive
 
 pytestmark = pytest.mark.no_jit
 
