@@ -6,6 +6,9 @@ from typing import Self
 import numpy as np
 
 from posefuse.kernels.cameras.linearize import linearize
+from posefuse.kernels.cameras.observation_rows import BLOCK
+from posefuse.kernels.trajectory.blocks import n_blocks
+from posefuse.kernels.trajectory.observation_terms import LINEAR_ROWS, linearize_paths
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.label_swaps import Swaps, SwapState
@@ -107,6 +110,13 @@ class PersonObservations:
     def has_points(self) -> bool:
         """Whether the person was measured in any frame."""
         return bool(np.isfinite(self.points_m).any())
+
+    def linear_blocks(self, paths_m: np.ndarray) -> np.ndarray:
+        """Return the linearized observations, see :func:`linearize_paths`."""
+        keypoints, frames, views, _ = self.pixels.shape
+        linear = np.empty((keypoints, n_blocks(frames), views, LINEAR_ROWS * BLOCK))
+        linearize_paths(self.rig.packed, paths_m, self.pixels, linear)
+        return linear
 
     def linear(self, paths_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return residuals (keypoint, frame, view, 2) in px, projected minus observed, and derivatives (..., 2, 3)."""
