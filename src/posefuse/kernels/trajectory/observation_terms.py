@@ -290,3 +290,25 @@ def _add_block(own, factor, sums):
         sums[6, j] += g0 * x + h0 * y
         sums[7, j] += g1 * x + h1 * y
         sums[8, j] += g2 * x + h2 * y
+
+
+@kernel
+def sum_squares(views, squares):
+    """Sum the squared residuals of all views, in squared sigmas and weighted.
+
+    Args:
+        views: ViewTerms.
+        squares: shape (keypoint, frame), written.
+    """
+    linear, sigma, scale, level, weights = views
+    for k in range(squares.shape[0]):
+        for f in range(squares.shape[1]):
+            total = 0.0
+            for v in range(weights.shape[2]):
+                if weights[k, f, v] > 0.0:
+                    own = linear[k, f // BLOCK, v]
+                    x = own[f % BLOCK]
+                    y = own[BLOCK + f % BLOCK]
+                    s = level[k] * sigma[k, f, v] * scale[k, f, v]
+                    total += weights[k, f, v] * (x * x + y * y) / (s * s)
+            squares[k, f] = total
