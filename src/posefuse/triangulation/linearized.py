@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -51,12 +52,11 @@ class LinearPoints:
             sigma_px: shape (point, view): standard deviations of the observations, inf for observations to ignore.
             used: shape (point, view), bool: observations that determine the points; by default all that count.
         """
-        counts = np.isfinite(sigma_px) & np.isfinite(self.residuals_px[..., 0])
+        there, residuals, jacobians = self._columns
+        counts = np.isfinite(sigma_px) & there
         used = counts if used is None else counts & used
-        # Keep points in the last axis: sums over views and axes then run over long contiguous rows.
-        weight = np.where(counts, 1.0 / sigma_px, 0.0).T
-        residual = np.where(counts.T, self.residuals_px.transpose(2, 1, 0), 0.0) * weight
-        jacobian = np.where(counts.T, self.jacobians.transpose(2, 3, 1, 0), 0.0) * weight
+        weight = np.where(counts.T, 1.0 / sigma_px.T, 0.0)
+        residual, jacobian = residuals * weight, jacobians * weight
         weighted = jacobian * used.T
         covariance = _inverse_3x3([(weighted[:, i] * jacobian[:, k]).sum(axis=(0, 1)) for i, k in _UPPER])
         gradient = [(weighted[:, i] * residual).sum(axis=(0, 1)) for i in range(3)]
@@ -64,6 +64,16 @@ class LinearPoints:
         residual = residual - sum(gain[:, i] * gradient[i] for i in range(3))
         shares = (gain[:, None] * jacobian[None]).sum(axis=2)
         return LinearFit(used, residual.transpose(2, 1, 0), shares.transpose(3, 2, 0, 1))
+
+    @cached_property
+    def _columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where there are observations (point, view), their residuals (2, view, point) and derivatives; 0 elsewhere.
+
+        Points are in the last axis, so that sums over views and axes run over long contiguous rows.
+        """
+        there = np.isfinite(self.residuals_px[..., 0])
+        residuals = np.where(there.T, self.residuals_px.transpose(2, 1, 0), 0.0)
+        return there, residuals, np.where(there.T, self.jacobians.transpose(2, 3, 1, 0), 0.0)
 
 
 def _inverse_3x3(upper: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
