@@ -24,7 +24,8 @@ def with_true_statuses(layer: Layer) -> Layer:
     # A byte per view would overflow beyond 127 views.
     n_views = sum((used[..., view] for view in range(used.shape[-1])), np.zeros(status.shape, dtype=np.int16))
     for code, least in _MIN_VIEWS.items():
-        true = np.where((true == code) & (n_views < least), status_of_views(n_views), true)
+        wrong = (true == code) & (n_views < least)
+        true[wrong] = status_of_views(n_views[wrong])
     missing = true >= PointStatus.NOT_SEEN
     source = np.where(missing, np.int8(Source.NONE), layer.source)
     return replace(

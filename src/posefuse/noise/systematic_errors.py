@@ -12,6 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from posefuse.arrays import column_medians
 from posefuse.model.cameras import CameraRig
 from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import Layer
@@ -149,10 +150,8 @@ def _common_px2(error_px: np.ndarray, first: np.ndarray) -> np.ndarray:
     counts = [np.isfinite(half[..., 0]).sum(axis=0) for half in halves]
     enough = np.minimum(*counts) >= _MIN_IN_HALF
     medians = [np.zeros((error_px.shape[1], 2)) for _ in halves]
-    for median, half, count in zip(medians, halves, counts, strict=True):
-        # NaNs are last. NumPy's own median of short columns with NaNs takes ten times as long.
-        ordered, view = np.sort(half, axis=0), np.flatnonzero(enough)
-        median[view] = 0.5 * (ordered[(count[view] - 1) // 2, view] + ordered[count[view] // 2, view])
+    for median, half in zip(medians, halves, strict=True):
+        median[enough] = column_medians(half[:, enough]) if enough.any() else 0.0
     return np.where(enough, 0.5 * (medians[0] * medians[1]).sum(axis=-1), np.nan)
 
 

@@ -62,8 +62,7 @@ class LinearPoints:
         gradient = [(weighted[:, i] * residual).sum(axis=(0, 1)) for i in range(3)]
         gain = np.stack([sum(jacobian[:, i] * covariance[i][k] for i in range(3)) for k in range(3)], axis=1)
         residual = residual - sum(gain[:, i] * gradient[i] for i in range(3))
-        shares = (gain[:, None] * jacobian[None]).sum(axis=2)
-        return LinearFit(used, residual.transpose(2, 1, 0), shares.transpose(3, 2, 0, 1))
+        return LinearFit(used, residual.transpose(2, 1, 0), gain, jacobian)
 
     @cached_property
     def _columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -103,13 +102,29 @@ class LinearFit:
     Attributes:
         used: shape (point, view), bool.
         residuals: shape (point, view, 2), 0 where a view has no observation that counts.
-        shares: shape (point, view, 2, 2): covariance of the projected point; for a used view, its block of the hat
-            matrix.
+        gain: shape (2, 3, view, point): derivatives of the observations times the covariance of the point.
+        jacobian: the same shape: derivatives of the observations, in units of their standard deviations.
     """
 
     used: np.ndarray
     residuals: np.ndarray
-    shares: np.ndarray
+    gain: np.ndarray
+    jacobian: np.ndarray
+
+    @cached_property
+    def shares(self) -> np.ndarray:
+        """Covariance of the projected point, (point, view, 2, 2); for a used view, its block of the hat matrix."""
+        return (self.gain[:, None] * self.jacobian[None]).sum(axis=2).transpose(3, 2, 0, 1)
+
+    @property
+    def leverages(self) -> np.ndarray:
+        """Traces of the shares, shape (point, view)."""
+        return np.einsum("aivp,aivp->vp", self.gain, self.jacobian).T
+
+    @property
+    def squares(self) -> np.ndarray:
+        """Return the squared residual of each observation, shape (point, view)."""
+        return np.square(self.residuals[..., 0]) + np.square(self.residuals[..., 1])
 
     @property
     def squared(self) -> np.ndarray:
