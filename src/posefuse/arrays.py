@@ -43,7 +43,7 @@ def frozen(array: Any, dtype: Any = np.float64) -> np.ndarray:
 
 
 def column_medians(values: np.ndarray) -> np.ndarray:
-    """Return medians over the first axis without the NaNs; NaN where there is nothing else.
+    """Return medians over the first axis, of one row or more, without the NaNs; NaN where there is nothing else.
 
     NumPy's own function takes ten times as long for short or few columns.
     """
