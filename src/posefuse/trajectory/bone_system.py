@@ -5,7 +5,7 @@ import numpy as np
 from posefuse.kernels.trajectory.band import FACTOR_ROWS, LANES, REACH, factor_paths
 from posefuse.kernels.trajectory.band_inverse import invert_paths
 from posefuse.kernels.trajectory.blocks import empty_blocks
-from posefuse.kernels.trajectory.bone_solve import Stopping, solve_with_bones
+from posefuse.kernels.trajectory.bone_solve import Stopping, Vectors, solve_with_bones
 from posefuse.kernels.trajectory.bone_terms import BonePrior, BoneTerms, add_bones, propagate_bone_information
 from posefuse.kernels.trajectory.observation_terms import PathSystem
 from posefuse.trajectory.bones import Bones
@@ -71,8 +71,8 @@ def solve_system(
         np.add(system.diagonal, terms.information, out=system.diagonal)
     factor = np.empty((len(tiles), frames + 2 * REACH, FACTOR_ROWS * LANES))
     factor_paths(system.diagonal, system.coupling, tiles, factor)
-    steps = empty_blocks(keypoints, frames, 3)
-    solve_with_bones(factor, bones.groups, bones.ends, terms, system.rhs, _STOPPING, steps)
+    vectors = Vectors.of(system.rhs, frames)
+    solve_with_bones(factor, bones.groups, bones.ends, terms, _STOPPING, vectors)
     covariance, traces = np.empty((keypoints, frames, 3, 3)), np.empty((keypoints, REACH + 1, frames))
     invert_paths(factor, tiles, covariance, traces)
-    return steps, covariance, traces
+    return vectors.steps, covariance, traces

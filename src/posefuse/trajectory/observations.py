@@ -5,10 +5,9 @@ from typing import Self
 
 import numpy as np
 
-from posefuse.kernels.cameras.linearize import linearize
+from posefuse.kernels.cameras.linearize import LINEAR_ROWS, linearize, linearize_paths
 from posefuse.kernels.cameras.observation_rows import BLOCK
 from posefuse.kernels.trajectory.blocks import n_blocks
-from posefuse.kernels.trajectory.observation_terms import LINEAR_ROWS, linearize_paths
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.label_swaps import Swaps, SwapState
@@ -120,12 +119,7 @@ class PersonObservations:
 
     def linear(self, paths_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return residuals (keypoint, frame, view, 2) in px, projected minus observed, and derivatives (..., 2, 3)."""
-        keypoints, frames, views, _ = self.pixels.shape
-        n = keypoints * frames
-        residuals, jacobians = np.empty((n, views, 2)), np.empty((n, views, 2, 3))
-        pixels = self.pixels.reshape(n, views, 2)
-        linearize(self.rig.packed, paths_m.reshape(n, 3), pixels, residuals, jacobians)
-        return residuals.reshape(self.pixels.shape), jacobians.reshape(*self.pixels.shape, 3)
+        return linearize(self.rig.packed, paths_m, self.pixels)
 
 
 def _of_rows(values: np.ndarray, rows: np.ndarray) -> np.ndarray:

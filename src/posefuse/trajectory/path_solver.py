@@ -13,11 +13,16 @@ import numpy as np
 from scipy.ndimage import binary_opening, uniform_filter1d
 
 from posefuse.kernels.trajectory.band import REACH
-from posefuse.kernels.trajectory.blocks import empty_blocks, from_blocks, matrices_from_blocks
+from posefuse.kernels.trajectory.blocks import empty_blocks, from_blocks, matrices_from_blocks, n_blocks
 from posefuse.kernels.trajectory.contact_terms import add_contact
 from posefuse.kernels.trajectory.observation_terms import PathSystem, ViewTerms, add_views, weigh_observations
-from posefuse.kernels.trajectory.path_steps import compute_leverage, move_paths
-from posefuse.kernels.trajectory.smoothness_terms import SmoothnessTerms, add_smoothness, squared_differences
+from posefuse.kernels.trajectory.smoothness_terms import (
+    SCRATCH_ROWS,
+    SmoothnessTerms,
+    add_smoothness,
+    padded_coefficients,
+    squared_differences,
+)
 from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.trajectory.bone_system import bone_prior, solve_system
 from posefuse.trajectory.bones import Bones
@@ -44,6 +49,8 @@ _MIN_AGREEING, _MIN_CONSECUTIVE = 3, 3
 _CONTACT_ROUNDS = 2
 """Number of rounds with ground contact, each with the contact that the paths before it show."""
 
+
+_UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 _PERSISTENT_LIMIT_FACTOR = 0.65
 """Factor for the rejection limits if errors are persistent, because errors of successive frames do not cancel."""
@@ -161,16 +168,17 @@ class PathSolver:
             density = self.contact.density(density, smoothness, observed.time_s)
         stiffness = smoothness.stiffness(density, alive)
         ridge = _RIDGE / np.where(np.isfinite(paths.variance_m2), paths.variance_m2, np.inf) + 1e-12
-        add_smoothness(SmoothnessTerms(smoothness.differences, stiffness, ridge), paths.paths_m, system)
+        coefficients = self._coefficients
+        terms = SmoothnessTerms(coefficients, stiffness, np.zeros((SCRATCH_ROWS, coefficients.shape[1])))
+        add_smoothness(terms, ridge, paths.paths_m, system)
         if self.contact is not None:
             add_contact(self.contact.terms(observed.time_s), paths.paths_m, system)
         variance = typical_variance(system.information, seen)
         prior = bone_prior(self.bones, person_priors, variance, observed.step_s)
         steps, covariance, traces = solve_system(self.bones, prior, alive, paths.paths_m, system)
-        moved = np.empty_like(paths.paths_m)
-        move_paths(paths.paths_m, steps, self.max_step_m, moved)
+        moved = paths.paths_m + self._limit_steps(from_blocks(steps, len(observed.time_s)))
         squares, determined = np.empty(stiffness.shape), np.empty(stiffness.shape)
-        squared_differences(smoothness.differences, stiffness, moved, traces, squares, determined)
+        squared_differences(terms, moved, traces, squares, determined)
         squares *= paths.density_factor
         factor = self._covariance_factor(density, variance, inflation, covariance, system, person_priors)
         if factor is not None:
@@ -229,8 +237,9 @@ class PathSolver:
         if not rows or (person_priors.correlation_s <= 0.0 and self.contact is None):
             return None
         frames = len(self.observed.time_s)
-        leverage = np.empty((len(density), frames))
-        compute_leverage(covariance_m2, system.information, leverage)
+        information = from_blocks(system.information, frames)
+        weighted = [covariance_m2[..., i, j] * information[..., n] for n, (i, j) in enumerate(_UPPER)]
+        leverage = (weighted[0] + weighted[3] + weighted[5] + 2.0 * (weighted[1] + weighted[2] + weighted[4])) / 3.0
         with np.errstate(divide="ignore", invalid="ignore"):
             log_gain = np.log(density * self.observed.step_s ** (2 * self.smoothness.order - 1) / variance_m2[:, None])
         # An even number of frames has no middle one: the two nearest rows count, so that time may run backward.
@@ -295,6 +304,11 @@ class PathSolver:
         return weights
 
     @cached_property
+    def _coefficients(self) -> np.ndarray:
+        """Coefficients of the smoothness prior, as the kernels take them."""
+        return padded_coefficients(self.smoothness.differences, n_blocks(len(self.observed.time_s)))
+
+    @cached_property
     def _agreed_views(self) -> tuple[np.ndarray, np.ndarray]:
         """Observations that the measured points use, shape (keypoint, frame, view), bool, and their number."""
         agreed = self.observed.agreed & np.isfinite(self.observed.sigma_px)
@@ -313,6 +327,12 @@ class PathSolver:
             extent = np.linalg.norm(np.fmax.reduce(points, axis=0) - np.fmin.reduce(points, axis=0), axis=-1)
         extent = extent[extent > 0.0]
         return 0.5 * float(np.median(extent)) if extent.size else np.inf
+
+    def _limit_steps(self, steps_m: np.ndarray) -> np.ndarray:
+        """Return steps limited to the linear range, because a diverging point would corrupt the following rounds."""
+        x, y, z = (steps_m[..., i] for i in range(3))
+        length = np.sqrt(x * x + y * y + z * z)
+        return steps_m * np.minimum(1.0, self.max_step_m / np.maximum(length, 1e-300))[..., None]
 
     def _local_density_factor(self, squares: np.ndarray, determined: np.ndarray) -> np.ndarray:
         """Return the local density factors."""

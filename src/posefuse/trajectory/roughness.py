@@ -10,8 +10,9 @@ from typing import Self
 
 import numpy as np
 
+from posefuse.kernels.cameras.observation_rows import BLOCK
 from posefuse.kernels.trajectory.blocks import empty_blocks, from_blocks, matrices_from_blocks
-from posefuse.kernels.trajectory.observation_terms import PathSystem, ViewTerms, add_views, sum_squares
+from posefuse.kernels.trajectory.observation_terms import PathSystem, ViewTerms, add_views
 from posefuse.trajectory.observations import PersonObservations
 
 _MIN_USED_WEIGHT = 0.5
@@ -81,11 +82,14 @@ def _distances(
     keypoints, frames, _ = paths_m.shape
     linear = observed.linear_blocks(paths_m)
     system = PathSystem(*(empty_blocks(keypoints, frames, rows) for rows in (6, 0, 3, 6)))
-    squares = np.empty((keypoints, frames))
     level = np.full(keypoints, spread)
     views = ViewTerms(linear, observed.sigma_px, np.ones(weights.shape), level, weights)
     add_views(views, system, np.empty((keypoints, frames), dtype=np.bool_))
-    sum_squares(views, squares)
+    factor = views.weights / np.square(spread * observed.sigma_px)
+    squares = np.zeros((keypoints, frames))
+    for view in range(factor.shape[-1]):
+        residuals = np.nan_to_num(from_blocks(linear[:, :, view, : 2 * BLOCK], frames))
+        squares += factor[..., view] * (np.square(residuals[..., 0]) + np.square(residuals[..., 1]))
     frame_information = matrices_from_blocks(system.information, frames)
     gradient = from_blocks(system.rhs, frames)
     trace = np.trace(frame_information, axis1=-2, axis2=-1)[..., None, None]

@@ -7,6 +7,7 @@ from typing import Self
 
 import numpy as np
 
+from posefuse.arrays import kernel_array
 from posefuse.kernels.cameras.linearize import linearize
 from posefuse.model.cameras import CameraRig
 from posefuse.triangulation.observations import Observations
@@ -20,9 +21,8 @@ def linear_rows(rig: CameraRig, points_m: np.ndarray, pixels: np.ndarray) -> tup
         points_m: shape (point, 3).
         pixels: shape (point, view, 2), NaN where a view has no observation; results are NaN there too.
     """
-    residuals, jacobians = np.empty(pixels.shape), np.empty((*pixels.shape, 3))
-    linearize(rig.packed, np.ascontiguousarray(points_m), np.ascontiguousarray(pixels), residuals, jacobians)
-    return residuals, jacobians
+    residuals, jacobians = linearize(rig.packed, kernel_array(points_m)[None], kernel_array(pixels)[None])
+    return residuals[0], jacobians[0]
 
 
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))

@@ -261,12 +261,12 @@ def factor_paths(diagonal, coupling, tiles, factor):
         tiles: shape (tile, LANES), int64: keypoints; -1 where a lane is not used.
         factor: shape (tile, REACH + frame + REACH, FACTOR_ROWS * LANES), written.
     """
-    own = np.zeros(9 * LANES)
+    own = np.empty(9 * LANES)
     end = factor.shape[1] - REACH
     for t in range(tiles.shape[0]):
         for j in range(LANES):
             for i in range(9):
-                own[i * LANES + j] = 1.0 if i in (0, 3, 5) else 0.0
+                own[i * LANES + j] = 1.0 if i == 0 or i == 3 or i == 5 else 0.0
         for f in range(REACH):
             for i in range(FACTOR_ROWS * LANES):
                 factor[t, f, i] = 0.0

@@ -41,22 +41,32 @@ class Stopping(NamedTuple):
     negligible: Any
 
 
-class _Vectors(NamedTuple):
-    """Vectors of conjugate gradients, each of shape (keypoint, block, 3 * BLOCK).
+class Vectors(NamedTuple):
+    """Vectors of conjugate gradients, each of shape (keypoint, block, 3 * BLOCK); the padding of blocks stays 0.
 
     Attributes:
-        residual: right-hand side minus product of the matrix and the steps.
+        residual: right-hand side on input; right-hand side minus product of the matrix and the steps.
+        steps: solution.
         preconditioned: solution of the paths' matrices for the residual.
         direction: search direction.
         of_band: product of the paths' matrices and the search direction.
         product: product of the whole matrix and the search direction.
+        tile: shape (REACH + frame + REACH, 3 * LANES): vector of a tile.
     """
 
     residual: Any
+    steps: Any
     preconditioned: Any
     direction: Any
     of_band: Any
     product: Any
+    tile: Any
+
+    @classmethod
+    def of(cls, rhs: np.ndarray, frames: int) -> "Vectors":
+        """Return the vectors for a right-hand side, which is overwritten; all others are 0."""
+        zeros = [np.zeros(rhs.shape) for _ in range(5)]
+        return cls(rhs, *zeros, np.zeros((frames + 2 * REACH, 3 * LANES)))
 
 
 @disjoint
@@ -131,23 +141,25 @@ def _advance(factor, tiles, vectors, out):
 
 
 @subroutine
-def _accept(tiles, vectors, steps):
+def _accept(tiles, vectors):
     """Accept the separate solutions of some tiles as steps, except where they are undefined."""
     for t in range(tiles.shape[0]):
         for j in range(LANES):
             k = tiles[t, j]
             if k >= 0 and _inner(vectors.residual[k], vectors.preconditioned[k]) > 0.0:
-                _combine(1.0, vectors.preconditioned[k], 0.0, steps[k])
+                _combine(1.0, vectors.preconditioned[k], 0.0, vectors.steps[k])
 
 
 @vectorized
-def _precondition(factor, tiles, frames, vectors, scratch):
+def _precondition(factor, tiles, vectors):
     """Solve the paths of some tiles separately; return the squared norm of the preconditioned residual."""
     total = 0.0
+    tile = vectors.tile
+    frames = tile.shape[0] - 2 * REACH
     for t in range(tiles.shape[0]):
-        gather_vector(vectors.residual, tiles[t], frames, scratch)
-        solve_tile(factor[t], scratch)
-        scatter_vector(scratch, tiles[t], frames, vectors.preconditioned)
+        gather_vector(vectors.residual, tiles[t], frames, tile)
+        solve_tile(factor[t], tile)
+        scatter_vector(tile, tiles[t], frames, vectors.preconditioned)
         for j in range(LANES):
             k = tiles[t, j]
             if k >= 0:
@@ -193,7 +205,7 @@ def _multiply(bones, terms, tiles, group_bones, direction_weight, vectors):
 
 
 @kernel
-def solve_with_bones(factor, groups, bones, terms, rhs, stopping, steps):
+def solve_with_bones(factor, groups, bones, terms, stopping, vectors):
     """Solve jointly for the paths of each group that bones connect.
 
     The method is that of Hestenes & Stiefel 1952. The preconditioner solves every path separately, with the bone
@@ -205,23 +217,14 @@ def solve_with_bones(factor, groups, bones, terms, rhs, stopping, steps):
         groups: Groups.
         bones: shape (bone, 2), int64: keypoints.
         terms: BoneTerms.
-        rhs: shape (keypoint, block, 3 * BLOCK): right-hand side; overwritten.
         stopping: Stopping.
-        steps: the same shape, written.
+        vectors: Vectors of the right-hand side; the steps are written.
 
     Returns:
         Largest number of iterations of a group.
     """
     tiles, all_bones, ends = groups
     frames = factor.shape[1] - 2 * REACH
-    shape = rhs.shape
-    # The padding of blocks stays 0.
-    vectors = _Vectors(rhs, np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape))
-    scratch = np.zeros((factor.shape[1], 3 * LANES))
-    for k in range(shape[0]):
-        for b in range(shape[1]):
-            for j in range(3 * BLOCK):
-                steps[k, b, j] = 0.0
     most = 0
     first = first_bone = 0
     for group in range(ends.shape[0]):
@@ -232,8 +235,8 @@ def solve_with_bones(factor, groups, bones, terms, rhs, stopping, steps):
         first_bone = ends[group, 1]
         if group_bones.shape[0] == 0:
             # The solutions of the paths' matrices are those of the system.
-            _precondition(own_factor, own, frames, vectors, scratch)
-            _accept(own, vectors, steps)
+            _precondition(own_factor, own, vectors)
+            _accept(own, vectors)
             most = max(most, 1)
             continue
         n_keypoints = 0
@@ -243,13 +246,13 @@ def solve_with_bones(factor, groups, bones, terms, rhs, stopping, steps):
         negligible = stopping.negligible * stopping.negligible * 3.0 * n_keypoints * frames
         norm = previous = limit = 0.0
         for iteration in range(stopping.max_iterations + 1):
-            previous, norm = norm, _precondition(own_factor, own, frames, vectors, scratch)
+            previous, norm = norm, _precondition(own_factor, own, vectors)
             if iteration == 0:
                 limit = max(stopping.tolerance * stopping.tolerance * norm, negligible)
             if iteration == stopping.max_iterations or (iteration > 0 and not norm > limit) or not norm > 0.0:
                 break
             most = max(most, iteration + 1)
             squared = _multiply(bones, terms, own, group_bones, norm / previous if iteration > 0 else 0.0, vectors)
-            _advance(norm / squared, own, vectors.direction, steps)
-            _advance(-norm / squared, own, vectors.product, rhs)
+            _advance(norm / squared, own, vectors.direction, vectors.steps)
+            _advance(-norm / squared, own, vectors.product, vectors.residual)
     return most

@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from posefuse.kernels.cameras.lens import OK
-from posefuse.kernels.cameras.observation_rows import BLOCK, residual, rows_block
+from posefuse.kernels.cameras.observation_rows import BLOCK
 from posefuse.kernels.jit import inline, kernel
 from posefuse.kernels.trajectory.band import REACH
 
@@ -18,10 +17,6 @@ _MAX_PATH_VARIANCE = 10.0
 
 _USED = 0.5
 """Minimum weight of an observation that counts."""
-
-LINEAR_ROWS = 8
-"""Rows of a linearized observation: two residuals in px, projected minus observed, and the derivatives of each with
-respect to the point."""
 
 
 class ViewTerms(NamedTuple):
@@ -60,51 +55,6 @@ class PathSystem(NamedTuple):
 
 
 @kernel
-def linearize_paths(cameras, paths, pixels, linear):
-    """Linearize the observations of all paths.
-
-    Args:
-        cameras: the camera array.
-        paths: shape (keypoint, frame, 3).
-        pixels: shape (keypoint, frame, view, 2), NaN where missing.
-        linear: shape (keypoint, block, view, LINEAR_ROWS * BLOCK), written.
-    """
-    n_views = cameras.shape[0]
-    block = np.empty((n_views, 2, BLOCK))
-    codes = np.empty((n_views, BLOCK), np.int64)
-    rows = np.empty((n_views, 12, BLOCK))
-    scratch = np.empty((6, BLOCK))
-    point = np.empty((3, BLOCK))
-    frames = paths.shape[1]
-    for k in range(paths.shape[0]):
-        for b in range(linear.shape[1]):
-            for j in range(BLOCK):
-                f = min(b * BLOCK + j, frames - 1)
-                for i in range(3):
-                    point[i, j] = paths[k, f, i]
-                for v in range(n_views):
-                    block[v, 0, j] = pixels[k, f, v, 0]
-                    block[v, 1, j] = pixels[k, f, v, 1]
-            for v in range(n_views):
-                rows_block(cameras, v, block, codes, rows, scratch)
-                _store_linear(rows, codes, v, point, linear[k, b, v])
-
-
-@inline
-def _store_linear(rows, codes, v, point, out):
-    """Write the residuals of a block in one view, and their derivatives."""
-    for j in range(BLOCK):
-        depth, r, s = residual(rows, v, j, point[0, j], point[1, j], point[2, j])
-        valid = (codes[v, j] == OK) & (depth > 0.0)
-        inverse = 1.0 / depth
-        out[j] = r if valid else math.nan
-        out[BLOCK + j] = s if valid else math.nan
-        for i in range(3):
-            out[(2 + i) * BLOCK + j] = (rows[v, i, j] - r * rows[v, 8 + i, j]) * inverse if valid else 0.0
-            out[(5 + i) * BLOCK + j] = (rows[v, 4 + i, j] - s * rows[v, 8 + i, j]) * inverse if valid else 0.0
-
-
-@kernel
 def weigh_observations(linear, sigma, covariance, full, none, weights, counts):
     """Compute weights of observations from their distance to the path: 1 up to ``full`` sigmas, 0 from ``none`` on.
 
@@ -112,7 +62,7 @@ def weigh_observations(linear, sigma, covariance, full, none, weights, counts):
     bound an undetermined path could not separate inliers from outliers.
 
     Args:
-        linear: from :func:`linearize_paths`.
+        linear: from :func:`posefuse.kernels.cameras.linearize.linearize_paths`.
         sigma: shape (keypoint, frame, view), px, inf where an observation does not count.
         covariance: shape (keypoint, frame, 3, 3).
         full: in sigmas.
@@ -290,25 +240,3 @@ def _add_block(own, factor, sums):
         sums[6, j] += g0 * x + h0 * y
         sums[7, j] += g1 * x + h1 * y
         sums[8, j] += g2 * x + h2 * y
-
-
-@kernel
-def sum_squares(views, squares):
-    """Sum the squared residuals of all views, in squared sigmas and weighted.
-
-    Args:
-        views: ViewTerms.
-        squares: shape (keypoint, frame), written.
-    """
-    linear, sigma, scale, level, weights = views
-    for k in range(squares.shape[0]):
-        for f in range(squares.shape[1]):
-            total = 0.0
-            for v in range(weights.shape[2]):
-                if weights[k, f, v] > 0.0:
-                    own = linear[k, f // BLOCK, v]
-                    x = own[f % BLOCK]
-                    y = own[BLOCK + f % BLOCK]
-                    s = level[k] * sigma[k, f, v] * scale[k, f, v]
-                    total += weights[k, f, v] * (x * x + y * y) / (s * s)
-            squares[k, f] = total

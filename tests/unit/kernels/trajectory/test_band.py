@@ -6,7 +6,7 @@ import pytest
 from posefuse.kernels.trajectory.band import REACH
 from posefuse.kernels.trajectory.band_inverse import invert_paths
 from posefuse.kernels.trajectory.blocks import empty_blocks, from_blocks, to_blocks
-from posefuse.kernels.trajectory.bone_solve import Groups, Stopping, solve_with_bones
+from posefuse.kernels.trajectory.bone_solve import Groups, Stopping, Vectors, solve_with_bones
 from posefuse.kernels.trajectory.bone_terms import BoneTerms
 from tests.unit.kernels.trajectory.dense import block_of, factor_of, random_path, system_of, tiles_of
 
@@ -20,13 +20,14 @@ def test_band_matches_the_dense_matrix(paths, frames):
     dense = [random_path(rng, frames) for _ in range(paths)]
     tiles = tiles_of(list(rng.permutation(paths)))
     factor = factor_of(*system_of(dense), tiles, frames)
-    right, steps = rng.standard_normal((paths, frames, 3)), empty_blocks(paths, frames, 3)
+    right = rng.standard_normal((paths, frames, 3))
+    vectors = Vectors.of(to_blocks(right), frames)
     groups = Groups(tiles, np.zeros(0, dtype=np.int64), np.array([[len(tiles), 0]]))
     nothing = BoneTerms(empty_blocks(0, frames, 3), empty_blocks(0, frames, 1), empty_blocks(paths, frames, 6))
-    rounds = solve_with_bones(factor, groups, NO_BONES, nothing, to_blocks(right), Stopping(9, 0.0, 0.0), steps)
+    rounds = solve_with_bones(factor, groups, NO_BONES, nothing, Stopping(9, 0.0, 0.0), vectors)
     assert rounds == 1
     expected = np.stack([np.linalg.solve(a, b.ravel()).reshape(-1, 3) for a, b in zip(dense, right, strict=True)])
-    assert np.allclose(from_blocks(steps, frames), expected, rtol=1e-6, atol=1e-8 * np.abs(expected).max())
+    assert np.allclose(from_blocks(vectors.steps, frames), expected, rtol=1e-6, atol=1e-8 * np.abs(expected).max())
     covariance, traces = np.empty((paths, frames, 3, 3)), np.empty((paths, REACH + 1, frames))
     invert_paths(factor, tiles, covariance, traces)
     for own, trace, inverse in zip(covariance, traces, map(np.linalg.inv, dense), strict=True):

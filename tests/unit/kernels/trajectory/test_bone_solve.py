@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from posefuse.kernels.trajectory.blocks import empty_blocks, from_blocks, to_blocks
-from posefuse.kernels.trajectory.bone_solve import Groups, Stopping, solve_with_bones
+from posefuse.kernels.trajectory.bone_solve import Groups, Stopping, Vectors, solve_with_bones
 from posefuse.kernels.trajectory.bone_terms import BoneTerms
 from tests.unit.kernels.trajectory.dense import UPPER, factor_of, random_path, system_of, tiles_of
 
@@ -36,11 +36,12 @@ def test_steps_equal_those_of_a_dense_solve():
     own = to_blocks(information[..., *UPPER])
     diagonal, coupling = system_of(paths)
     factor = factor_of(diagonal + own, coupling, TILES, FRAMES)
-    rhs, steps = rng.normal(size=(KEYPOINTS, FRAMES, 3)), empty_blocks(KEYPOINTS, FRAMES, 3)
+    rhs = rng.normal(size=(KEYPOINTS, FRAMES, 3))
+    vectors = Vectors.of(to_blocks(rhs), FRAMES)
     expected = np.linalg.solve(whole.reshape(3 * KEYPOINTS * FRAMES, -1), rhs.ravel()).reshape(rhs.shape)
     terms = BoneTerms(to_blocks(directions), to_blocks(stiffness[..., None]), own)
-    used = solve_with_bones(factor, GROUPS, BONES, terms, to_blocks(rhs), Stopping(100, 1e-12, 0.0), steps)
-    np.testing.assert_allclose(from_blocks(steps, FRAMES), expected, atol=1e-9)
+    used = solve_with_bones(factor, GROUPS, BONES, terms, Stopping(100, 1e-12, 0.0), vectors)
+    np.testing.assert_allclose(from_blocks(vectors.steps, FRAMES), expected, atol=1e-9)
     # A keypoint without bones needs one step, so the iterations are those of the others.
     assert 1 < used < 100
 
@@ -56,8 +57,7 @@ def test_negligible_residuals_end_the_iterations():
     rhs = np.ones((KEYPOINTS, FRAMES, 3)) * np.arange(1.0, 5.0)[:, None, None]
     used = [
         solve_with_bones(
-            factor, GROUPS, BONES, terms, to_blocks(rhs), Stopping(100, 1e-9, negligible),
-            empty_blocks(KEYPOINTS, FRAMES, 3),
+            factor, GROUPS, BONES, terms, Stopping(100, 1e-9, negligible), Vectors.of(to_blocks(rhs), FRAMES)
         )
         for negligible in (0.0, 0.1, 10.0)
     ]  # fmt: skip
@@ -73,11 +73,12 @@ def test_an_undefined_keypoint_does_not_move_and_leaves_the_others_unchanged():
     nothing = BoneTerms(empty_blocks(0, FRAMES, 3), empty_blocks(0, FRAMES, 1), empty_blocks(2, FRAMES, 6))
     found = []
     for value in (1.0, np.nan):
-        rhs, steps = np.ones((2, FRAMES, 3)), empty_blocks(2, FRAMES, 3)
+        rhs = np.ones((2, FRAMES, 3))
         rhs[1, 3] = value
         factor = factor_of(diagonal, coupling, tiles, FRAMES)
         bones = np.zeros((0, 2), dtype=np.int64)
-        solve_with_bones(factor, groups, bones, nothing, to_blocks(rhs), Stopping(9, 0.0, 0.0), steps)
-        found.append(from_blocks(steps, FRAMES))
+        vectors = Vectors.of(to_blocks(rhs), FRAMES)
+        solve_with_bones(factor, groups, bones, nothing, Stopping(9, 0.0, 0.0), vectors)
+        found.append(from_blocks(vectors.steps, FRAMES))
     np.testing.assert_array_equal(found[0][0], found[1][0])
     assert (found[1][1] == 0.0).all()

@@ -1,21 +1,12 @@
-"""Linearized observations, their weights and their sums, compared with NumPy."""
+"""Weights of observations and their sums, compared with NumPy."""
 
 import numpy as np
 import pytest
 
-from posefuse.kernels.cameras.linearize import linearize
+from posefuse.kernels.cameras.linearize import LINEAR_ROWS, linearize, linearize_paths
 from posefuse.kernels.cameras.observation_rows import BLOCK
 from posefuse.kernels.trajectory.blocks import empty_blocks, from_blocks, matrices_from_blocks
-from posefuse.kernels.trajectory.observation_terms import (
-    LINEAR_ROWS,
-    PathSystem,
-    ViewTerms,
-    add_views,
-    linearize_paths,
-    sum_squares,
-    weigh_observations,
-)
-from posefuse.kernels.trajectory.path_steps import compute_leverage, move_paths
+from posefuse.kernels.trajectory.observation_terms import PathSystem, ViewTerms, add_views, weigh_observations
 from posefuse.synthetic.rigs import build_rig
 
 pytestmark = pytest.mark.no_jit
@@ -23,7 +14,7 @@ KEYPOINTS, FRAMES, VIEWS = 2, 19, 3
 
 
 def problem(seed: int):
-    """Return cameras, points, pixels with errors, one of them missing, and the linearized observations."""
+    """Return linearized observations with errors, one of them missing, in blocks and as residuals and derivatives."""
     rng = np.random.default_rng(seed)
     rig = build_rig("ring", VIEWS, "barrel")
     points = rng.normal(scale=0.3, size=(KEYPOINTS, FRAMES, 3)) + np.array([0.0, 0.0, 1.0])
@@ -31,21 +22,11 @@ def problem(seed: int):
     pixels[1, 4, 2] = np.nan
     linear = np.empty((KEYPOINTS, 2, VIEWS, LINEAR_ROWS * BLOCK))
     linearize_paths(rig.packed, points, pixels, linear)
-    residuals, jacobians = np.empty((KEYPOINTS * FRAMES, VIEWS, 2)), np.empty((KEYPOINTS * FRAMES, VIEWS, 2, 3))
-    linearize(rig.packed, points.reshape(-1, 3), pixels.reshape(-1, VIEWS, 2), residuals, jacobians)
-    shape = KEYPOINTS, FRAMES, VIEWS, 2
-    return rng, points, linear, residuals.reshape(shape), jacobians.reshape(*shape, 3)
-
-
-def test_linearized_observations_are_those_of_single_points():
-    _, _, linear, residuals, jacobians = problem(0)
-    rows = np.stack([from_blocks(linear[:, :, v], FRAMES) for v in range(VIEWS)], axis=2)
-    np.testing.assert_allclose(rows[..., :2], residuals)
-    np.testing.assert_allclose(rows[..., 2:].reshape(jacobians.shape), np.nan_to_num(jacobians))
+    return rng, linear, *linearize(rig.packed, points, pixels)
 
 
 def test_weights_fall_with_the_distance_from_the_path():
-    rng, _, linear, residuals, jacobians = problem(1)
+    rng, linear, residuals, jacobians = problem(1)
     sigma = rng.uniform(1.0, 2.0, residuals.shape[:3])
     sigma[0, 0, 0] = np.inf
     roots = rng.normal(scale=0.002, size=(KEYPOINTS, FRAMES, 3, 3))
@@ -65,15 +46,14 @@ def test_weights_fall_with_the_distance_from_the_path():
 
 
 def test_sums_of_views():
-    rng, _, linear, residuals, jacobians = problem(2)
+    rng, linear, residuals, jacobians = problem(2)
     sigma, scale = rng.uniform(1.0, 2.0, residuals.shape[:3]), rng.uniform(0.5, 2.0, residuals.shape[:3])
     weights, level = rng.uniform(0.0, 1.0, sigma.shape), np.array([1.5, 0.5])
     weights[0, 7] = 0.0
     system = PathSystem(*(empty_blocks(KEYPOINTS, FRAMES, rows) for rows in (6, 3, 3, 6)))
-    seen, squares = np.empty(sigma.shape[:2], dtype=np.bool_), np.empty(sigma.shape[:2])
+    seen = np.empty(sigma.shape[:2], dtype=np.bool_)
     views = ViewTerms(linear, sigma, scale, level, weights.copy())
     add_views(views, system, seen)
-    sum_squares(views, squares)
     weights[1, 4, 2] = 0.0
     np.testing.assert_array_equal(views.weights, weights)
     np.testing.assert_array_equal(seen, weights.any(axis=-1))
@@ -83,20 +63,3 @@ def test_sums_of_views():
     np.testing.assert_allclose(matrices_from_blocks(system.information, FRAMES), information)
     gradient = np.einsum("kfv,kfvai,kfva->kfi", factor, jacobians, residuals)
     np.testing.assert_allclose(from_blocks(system.rhs, FRAMES), -gradient, atol=1e-9 * np.abs(gradient).max())
-    np.testing.assert_allclose(squares, np.einsum("kfv,kfva,kfva->kf", factor, residuals, residuals))
-    covariance, leverage = np.linalg.inv(information + np.eye(3)), np.empty(sigma.shape[:2])
-    compute_leverage(covariance, system.information, leverage)
-    np.testing.assert_allclose(leverage, np.einsum("kfij,kfji->kf", covariance, information) / 3.0)
-
-
-def test_steps_are_limited():
-    rng = np.random.default_rng(3)
-    paths, steps = rng.normal(size=(2, KEYPOINTS, FRAMES, 3))
-    blocks = empty_blocks(KEYPOINTS, FRAMES, 3)
-    blocks.reshape(KEYPOINTS, 2, 3, BLOCK)[...] = np.pad(steps, ((0, 0), (0, 2 * BLOCK - FRAMES), (0, 0))).reshape(
-        KEYPOINTS, 2, BLOCK, 3
-    ).swapaxes(2, 3)  # fmt: skip
-    moved = np.empty_like(paths)
-    move_paths(paths, blocks, 0.5, moved)
-    length = np.linalg.norm(steps, axis=-1, keepdims=True)
-    np.testing.assert_allclose(moved, paths + steps * np.minimum(1.0, 0.5 / length))

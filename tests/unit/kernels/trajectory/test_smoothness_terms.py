@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 
-from posefuse.kernels.trajectory.blocks import empty_blocks, from_blocks, matrices_from_blocks, to_blocks
+from posefuse.kernels.trajectory.blocks import empty_blocks, from_blocks, matrices_from_blocks, n_blocks, to_blocks
 from posefuse.kernels.trajectory.observation_terms import PathSystem
-from posefuse.kernels.trajectory.smoothness_terms import SmoothnessTerms, add_smoothness, squared_differences
+from posefuse.kernels.trajectory.smoothness_terms import (
+    SCRATCH_ROWS,
+    SmoothnessTerms,
+    add_smoothness,
+    padded_coefficients,
+    squared_differences,
+)
 from posefuse.trajectory.smoothness import Smoothness
 from tests.unit.kernels.trajectory.dense import UPPER
 
@@ -31,7 +37,9 @@ def test_terms_are_those_of_squared_differences(frames, prior):
         to_blocks(np.ones((KEYPOINTS, frames, 3))),
         to_blocks(information[..., *UPPER]),
     )
-    add_smoothness(SmoothnessTerms(smoothness.differences, stiffness, ridge), paths, system)
+    coefficients = padded_coefficients(smoothness.differences, n_blocks(frames))
+    terms = SmoothnessTerms(coefficients, stiffness, np.zeros((SCRATCH_ROWS, coefficients.shape[1])))
+    add_smoothness(terms, ridge, paths, system)
     matrix = np.zeros((rows, frames))
     for row in range(rows):
         reach = min(4, frames - row)
@@ -42,7 +50,7 @@ def test_terms_are_those_of_squared_differences(frames, prior):
     for m in range(min(4, frames)):
         traces[:, m, : frames - m] = np.diagonal(covariance, m, axis1=1, axis2=2)
     squares, determined = np.empty((KEYPOINTS, rows)), np.empty((KEYPOINTS, rows))
-    squared_differences(smoothness.differences, stiffness, paths, traces, squares, determined)
+    squared_differences(terms, paths, traces, squares, determined)
     for k in range(KEYPOINTS):
         dense = matrix.T @ (stiffness[k][:, None] * matrix)
         own = information[k] + (np.diag(dense) + ridge[k])[:, None, None] * np.eye(3)
