@@ -65,8 +65,9 @@ class Vectors(NamedTuple):
     @classmethod
     def of(cls, rhs: np.ndarray, frames: int) -> "Vectors":
         """Return the vectors for a right-hand side, which is overwritten; all others are 0."""
-        zeros = [np.zeros(rhs.shape) for _ in range(5)]
-        return cls(rhs, *zeros, np.zeros((frames + 2 * REACH, 3 * LANES)))
+        steps, preconditioned, direction, of_band, product = (np.zeros(rhs.shape) for _ in range(5))
+        tile = np.zeros((frames + 2 * REACH, 3 * LANES))
+        return cls(rhs, steps, preconditioned, direction, of_band, product, tile)
 
 
 @disjoint
