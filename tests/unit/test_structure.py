@@ -219,7 +219,7 @@ TESTED_ELSEWHERE = {
     ),
     "unit/tracking/test_tracker.py": ("tracking/update.py",),
     "unit/trajectory/test_solve.py": (
-        "trajectory/bone_system.py",
+        "trajectory/roughness.py",
         "trajectory/error_level.py",
         "trajectory/initial_paths.py",
         "trajectory/observations.py",

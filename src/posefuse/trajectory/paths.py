@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Self
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.trajectory.initial_paths import initial_paths
@@ -13,6 +14,11 @@ from posefuse.trajectory.smoothness import Smoothness, alive_frames
 
 CONSTANT_LEVEL_STRENGTH = 1e6
 """Strength of the prior on the error level that stands for a constant level."""
+
+
+_SETTLED_SIGMA, _SETTLED_S = 1.0, 0.5
+"""Further rounds follow while one moves a path by this many standard deviations, RMS over this time, as where a single
+view sees a point for long. Rounds that windows of a recording did not have in common would show at their borders."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +87,15 @@ class Paths:
     density_factor: np.ndarray
     squares: np.ndarray
     determined: np.ndarray
+
+    def has_settled_since(self, before: "Paths", step_s: float) -> bool:
+        """Return whether no path moved since a round before by more than its standard deviation over a while."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            moved = np.square(self.paths_m - before.paths_m).sum(axis=-1)
+            moved /= np.trace(self.covariance_m2, axis1=-2, axis2=-1) / 3.0
+        window = 2 * round(0.5 * _SETTLED_S / step_s) + 1
+        moved = np.where(self.alive & np.isfinite(moved), moved, 0.0)
+        return not (uniform_filter1d(moved, window, axis=1, mode="nearest") > _SETTLED_SIGMA**2).any()
 
     def of_keypoints(self, keypoints: np.ndarray) -> Self:
         """Return the paths of some keypoints."""
