@@ -42,6 +42,18 @@ def frozen(array: Any, dtype: Any = np.float64) -> np.ndarray:
     return out
 
 
+def column_medians(values: np.ndarray) -> np.ndarray:
+    """Return medians over the first axis, of one row or more, without the NaNs; NaN where there is nothing else.
+
+    NumPy's own function takes ten times as long for short or few columns.
+    """
+    count = (~np.isnan(values)).sum(axis=0)
+    # NaNs are last.
+    ordered = np.sort(values, axis=0)
+    low, high = (np.take_along_axis(ordered, np.maximum(n, 0)[None], axis=0)[0] for n in ((count - 1) // 2, count // 2))
+    return np.where(count > 0, 0.5 * (low + high), np.nan)
+
+
 def kernel_array(array: Any, dtype: Any = np.float64) -> np.ndarray:
     """Return a read-only contiguous array of the given type, without a copy where none is needed.
 

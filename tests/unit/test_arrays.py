@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posefuse.arrays import ArrayRange, check_shape, frozen, ranges, same
+from posefuse.arrays import ArrayRange, check_shape, column_medians, frozen, ranges, same
 from posefuse.errors import DetectionsError
 from posefuse.synthetic.rigs import build_rig
 from tests.properties import examples
@@ -64,3 +64,12 @@ def test_wrong_shape_is_an_error_that_names_the_axes():
 def test_arrays_are_read_only_after_unpickling():
     rig = pickle.loads(pickle.dumps(build_rig("ring", 2)))
     assert not rig.cameras[0].matrix.flags.writeable
+
+
+def test_column_medians_ignore_missing_numbers():
+    values = np.random.default_rng(0).normal(size=(7, 4, 2))
+    values[3:, 1] = np.nan
+    values[2, 2, 0] = np.nan
+    np.testing.assert_array_equal(column_medians(values), np.nanmedian(values, axis=0))
+    values[:, 0] = np.nan
+    assert np.isnan(column_medians(values)[0]).all()

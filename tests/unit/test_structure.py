@@ -91,7 +91,6 @@ TESTED_ELSEWHERE = {
     "unit/association/test_proposals.py": ("model/proposals.py",),
     "unit/biomechanics/test_gait.py": (
         "biomechanics/contact.py",
-        "biomechanics/contact_times.py",
         "biomechanics/floor_levels.py",
         "biomechanics/foot_paths.py",
         "biomechanics/gait_events.py",
@@ -220,7 +219,7 @@ TESTED_ELSEWHERE = {
     ),
     "unit/tracking/test_tracker.py": ("tracking/update.py",),
     "unit/trajectory/test_solve.py": (
-        "trajectory/bone_system.py",
+        "trajectory/roughness.py",
         "trajectory/error_level.py",
         "trajectory/initial_paths.py",
         "trajectory/observations.py",

@@ -23,6 +23,8 @@ _TILT_S = (-0.05, 0.0), (0.12, 0.25)
 _LONGEST_STEP_S = 0.25
 _MIN_STEPS = 6
 _UNKNOWN_SD_S = 0.03
+_DEPENDENT = 1e-10
+"""Share of a function that is not a combination of the others below which it is left out of a regression."""
 PERIOD_DOUBT = 0.5 / np.sqrt(3.0)
 """Standard deviation of an exact time in frame periods, from the discrete frames."""
 
@@ -171,7 +173,7 @@ def _change_time(steps: _Steps, guess_s: float, *, leaving: bool) -> tuple[float
     period = float(np.median(np.diff(near.time_s)))
     tau, velocity = sign * (near.time_s - guess_s), near.velocity_m_s
     shifts = np.linspace(-_SEARCH_S, _SEARCH_S, _CANDIDATES)
-    costs = np.array([_cost(tau - shift, velocity, leaving=leaving) for shift in shifts])
+    costs = _costs(tau - shifts[:, None], velocity, leaving=leaving)
     mean, sd = weighted_minimum(shifts, costs, max(1, velocity.size - 7))
     return guess_s + sign * mean, float(np.hypot(sd, PERIOD_DOUBT * period))
 
@@ -191,19 +193,39 @@ def weighted_minimum(values: np.ndarray, costs: np.ndarray, freedom: int) -> tup
     return mean, float(np.sqrt(weight @ np.square(values - mean)))
 
 
-def _cost(tau: np.ndarray, velocity: np.ndarray, *, leaving: bool) -> float:
-    """Return the sum of squared residuals over a fixed set of frames, with the change at ``tau`` zero."""
+def _costs(tau: np.ndarray, velocity: np.ndarray, *, leaving: bool) -> np.ndarray:
+    """Return the sums of squared residuals over a fixed set of frames, with the change at ``tau`` zero.
+
+    Args:
+        tau: shape (candidate, step).
+        velocity: shape (step, 3).
+        leaving: whether the point leaves the ground.
+    """
     moving = np.clip(tau, 0.0, None)
-    smooth, sudden = [moving, moving**2], [(tau > 0).astype(float), moving, moving**2]
+    sudden = _residuals([(tau > 0.0).astype(np.float64), moving, moving**2], velocity)
     if not leaving:
-        return _residual(sudden, velocity)
+        return sudden
     # Toes leave from rest in walking, and with the speed of the body in a jump, which needs better evidence.
     n = velocity.size
-    return min(_residual(smooth, velocity), _residual(sudden, velocity) * n ** (6.0 / n))
+    return np.minimum(_residuals([moving, moving**2], velocity), sudden * n ** (6.0 / n))
 
 
-def _residual(basis: list[np.ndarray], velocity: np.ndarray) -> float:
-    """Return the sum of squared residuals of a regression."""
-    design = np.stack(basis, axis=1)
-    solution = np.linalg.lstsq(design, velocity, rcond=None)[0]
-    return float(np.square(velocity - design @ solution).sum())
+def _residuals(basis: list[np.ndarray], velocity: np.ndarray) -> np.ndarray:
+    """Return the sums of squared residuals of regressions, shape (candidate,), by orthogonalization.
+
+    Args:
+        basis: shape (candidate, step) each; those that the earlier ones determine are left out.
+        velocity: shape (step, 3).
+    """
+    rest = np.broadcast_to(velocity, (len(basis[0]), *velocity.shape)).copy()
+    unit: list[np.ndarray] = []
+    for column in basis:
+        own = column.copy()
+        for _ in range(2):
+            for other in unit:
+                own -= (own * other).sum(axis=1, keepdims=True) * other
+        norm, before = np.linalg.norm(own, axis=1), np.linalg.norm(column, axis=1)
+        own *= np.where(norm > _DEPENDENT * before, 1.0 / np.maximum(norm, 1e-300), 0.0)[:, None]
+        rest -= own[:, :, None] * np.einsum("cs,csj->cj", own, rest)[:, None]
+        unit.append(own)
+    return np.square(rest).sum(axis=(1, 2))

@@ -6,6 +6,7 @@ its principal point or its clock.
 
 import numpy as np
 
+from posefuse.arrays import column_medians
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.reconstruction import Layer
@@ -66,7 +67,7 @@ def common_shift(residuals_px: np.ndarray) -> np.ndarray | None:
     enough = counts >= _LEAST_POINTS
     if enough.sum() < _LEAST_KEYPOINTS:
         return None
-    means = np.nanmedian(residuals_px[:, enough], axis=0)
+    means = column_medians(residuals_px[:, enough])
     shift = np.median(means, axis=0)
     agreeing = (means @ shift > 0.0).mean()
     return shift if agreeing >= _LEAST_AGREEING else None

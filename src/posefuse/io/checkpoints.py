@@ -30,6 +30,7 @@ from posefuse.errors import FileError
 _MANIFEST = "manifest.json"
 _LAYOUT = 3
 _NUMBER_BYTES = 8
+_CACHED_NUMBERS = 8192
 _WHOLE = "whole"
 _OURS = (
     "posefuse.model.",
@@ -320,7 +321,11 @@ def _packed(content: bytes) -> bytes:
     """Compress bytes that are mostly float64 numbers: the first bytes of all numbers, then the second ones, ..."""
     whole = len(content) - len(content) % _NUMBER_BYTES
     numbers = np.frombuffer(content, dtype=np.uint8, count=whole).reshape(-1, _NUMBER_BYTES)
-    return zstd.compress(numbers.T.tobytes() + content[whole:], 1)
+    planes = np.empty((_NUMBER_BYTES, len(numbers)), dtype=np.uint8)
+    # Pieces that fit in the cache are transposed in half the time.
+    for start in range(0, len(numbers), _CACHED_NUMBERS):
+        planes[:, start : start + _CACHED_NUMBERS] = numbers[start : start + _CACHED_NUMBERS].T
+    return zstd.compress(planes.tobytes() + content[whole:], 1)
 
 
 def _unpacked(packed: bytes, size: int) -> bytes:

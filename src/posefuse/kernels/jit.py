@@ -8,7 +8,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 
-from posefuse.kernels.linking import KernelCompiler, SubroutineCompiler
+from posefuse.kernels.linking import DisjointSubroutineCompiler, KernelCompiler, SubroutineCompiler
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -41,6 +41,14 @@ def subroutine(function: F) -> F:
 def vectorized(function: F) -> F:
     """Compile a subroutine whose sums may be reordered, so that the compiler can use vector instructions."""
     return _compile_subroutine(function, forceinline=False, fastmath={"contract", "reassoc"})
+
+
+def disjoint(function: F) -> F:
+    """Compile a subroutine whose array arguments never overlap, so that short loops over lanes become vectors.
+
+    Before a loop over few lanes, checks for overlap would cost more than vector instructions save.
+    """
+    return _compile_subroutine(function, forceinline=False, pipeline_class=DisjointSubroutineCompiler)
 
 
 def inline(function: F) -> F:

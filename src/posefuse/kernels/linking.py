@@ -221,3 +221,11 @@ class SubroutineCompiler(_Compiler):
 
     library_class = _SubroutineLibrary
     lowering = _LowerSubroutine
+
+
+class DisjointSubroutineCompiler(SubroutineCompiler):
+    """Compiler of subroutines whose array arguments do not overlap."""
+
+    def __init__(self, typingctx: Any, *arguments: Any) -> None:
+        super().__init__(typingctx, *arguments)
+        self.state.flags.noalias = True

@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from posefuse.arrays import frozen
+from posefuse.kernels.kinematics.twist import BoneTable, twist_bones
 from posefuse.skeleton.trees import HINGE, Tree
 
 _STRAIGHT, _BENT = np.radians(5.0), np.radians(15.0)
@@ -35,19 +36,26 @@ def full_rotations(tree: Tree, turns: np.ndarray, directions: np.ndarray) -> tup
     Returns:
         Rotations, shape (..., bone, 3, 3), and whether the twist is unobserved, shape (..., bone), bool.
     """
-    rest = rest_frames(tree)
-    out = np.empty((*directions.shape, 3))
-    unseen = np.ones(directions.shape[:-1], dtype=bool)
+    n_bones, before = len(tree.bones), directions.shape[:-2]
+    poses = int(np.prod(before))
+    along = np.ascontiguousarray(directions, dtype=np.float64).reshape(poses, n_bones, 3)
+    of_segments = np.broadcast_to(turns, (*before, *turns.shape[-3:]))
+    of_segments = np.ascontiguousarray(of_segments, dtype=np.float64).reshape(poses, *turns.shape[-3:])
+    frames, unseen = np.empty((poses, n_bones, 3, 3)), np.empty((poses, n_bones), dtype=np.bool_)
+    twist_bones(_bone_table(tree), of_segments, along, _STRAIGHT, _BENT, frames, unseen)
+    return frames.reshape(*before, n_bones, 3, 3), unseen.reshape(*before, n_bones)
+
+
+@lru_cache(maxsize=64)
+def _bone_table(tree: Tree) -> BoneTable:
+    """Return the bones of a tree in the order of the kernel."""
+    frames, rows, rest = rest_frames(tree), [], []
     for bone in bones_in_order(tree):
-        least = least_rotation(tree, bone, turns, directions, out, rest)
-        axis, bend = bending_axis(tree, bone, directions, least[..., 1])
-        share = np.clip((bend - _STRAIGHT) / (_BENT - _STRAIGHT), 0.0, 1.0)
-        twist = np.arctan2(
-            -np.einsum("...i,...i->...", axis, least[..., 0]), np.einsum("...i,...i->...", axis, least[..., 1])
-        )
-        out[..., bone, :, :] = least @ about_third_axis(share * twist)
-        unseen[..., bone] = ~(share >= 1.0)
-    return out, unseen
+        before, segment = carrier(tree, bone)
+        first, then = _bending_pair(tree, bone)
+        rows.append((bone, before, segment, first, then, _sense(tree, bone, then) if first >= 0 else 0))
+        rest.append(frames[before].T @ frames[bone] if before >= 0 else frames[bone])
+    return BoneTable(np.array(rows, dtype=np.int64).reshape(-1, 6), np.array(rest).reshape(-1, 3, 3))
 
 
 @lru_cache(maxsize=64)

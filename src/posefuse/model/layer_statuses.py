@@ -18,22 +18,42 @@ def with_true_statuses(layer: Layer) -> Layer:
     uncertain, or fewer views than the status states, which is then derived from their number.
     """
     status = np.asarray(layer.status)
-    finite = np.isfinite(layer.points_m).all(axis=-1) & np.isfinite(layer.covariance_m2).all(axis=-1)
-    true = np.where((status < PointStatus.NOT_SEEN) & ~finite, PointStatus.UNCERTAIN, status)
-    n_views = is_used(layer.view_status).sum(axis=-1)
+    finite = _all_last(np.isfinite(layer.points_m)) & _all_last(np.isfinite(layer.covariance_m2))
+    true = np.where((status < PointStatus.NOT_SEEN) & ~finite, np.int8(PointStatus.UNCERTAIN), status)
+    used = is_used(layer.view_status)
+    # A byte per view would overflow beyond 127 views.
+    n_views = sum((used[..., view] for view in range(used.shape[-1])), np.zeros(status.shape, dtype=np.int16))
     for code, least in _MIN_VIEWS.items():
-        true = np.where((true == code) & (n_views < least), status_of_views(n_views), true)
+        wrong = (true == code) & (n_views < least)
+        true[wrong] = status_of_views(n_views[wrong])
     missing = true >= PointStatus.NOT_SEEN
-    source = np.where(missing, Source.NONE, layer.source)
-    views = np.where(missing[..., None] & is_used(layer.view_status), ViewStatus.NOT_USED, layer.view_status)
-    without_point = missing[..., None]
+    source = np.where(missing, np.int8(Source.NONE), layer.source)
     return replace(
         layer,
-        points_m=np.where(without_point, np.nan, layer.points_m),
-        covariance_m2=np.where(without_point, np.nan, layer.covariance_m2),
+        points_m=_without(layer.points_m, missing, np.nan),
+        covariance_m2=_without(layer.covariance_m2, missing, np.nan),
         status=true.astype(np.int8),
-        source=np.where(true == PointStatus.FILLED, Source.FILLED, source).astype(np.int8),
-        reprojection_error_px=np.where(missing, np.nan, layer.reprojection_error_px),
-        view_status=views.astype(np.int8),
-        view_error_px=np.where(without_point, np.float32(np.nan), layer.view_error_px),
+        source=np.where(true == PointStatus.FILLED, np.int8(Source.FILLED), source).astype(np.int8),
+        reprojection_error_px=_without(layer.reprojection_error_px, missing, np.nan),
+        view_status=_without(layer.view_status, missing[..., None] & used, ViewStatus.NOT_USED).astype(np.int8),
+        view_error_px=_without(layer.view_error_px, missing, np.nan),
     )
+
+
+def _all_last(mask: np.ndarray) -> np.ndarray:
+    """Return whether all elements along the short last axis are true."""
+    out = mask[..., 0]
+    for n in range(1, mask.shape[-1]):
+        out = out & mask[..., n]
+    return out
+
+
+def _without(values: np.ndarray, missing: np.ndarray, value: float) -> np.ndarray:
+    """Return an array with a value where ``missing``, which has the first axes; the array itself where it has it."""
+    array = np.asarray(values)
+    lost = array[missing]
+    if (np.isnan(lost) if np.isnan(value) else lost == value).all():
+        return array
+    array = array.copy()
+    array[missing] = value
+    return array

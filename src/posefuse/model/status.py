@@ -95,7 +95,8 @@ USED_CODES = (ViewStatus.USED, ViewStatus.USED_SWAPPED)
 
 def is_used(view_status: np.ndarray) -> np.ndarray:
     """Return where a point uses the view, with its own label or that of the other side."""
-    return np.isin(view_status, USED_CODES)
+    codes = np.asarray(view_status)
+    return (codes == ViewStatus.USED) | (codes == ViewStatus.USED_SWAPPED)
 
 
 def status_of_views(n_views: np.ndarray) -> np.ndarray:

@@ -89,7 +89,7 @@ def _variances(points: LinearPoints, sigma_px: np.ndarray, variance: np.ndarray)
     for _ in range(_ROUNDS):
         fit = points.fit(sigma_px * np.sqrt(variance / weight))
         # Expected squared error: the residual of the fit, and the part of the error that the fit absorbed.
-        squared = np.square(fit.residuals).sum(axis=-1) + np.trace(fit.shares, axis1=-2, axis2=-1)
+        squared = fit.squares + fit.leverages
         squared = np.where(seen, squared / weight, 0.0)
         near = seen & (squared < _GROSS)
         weight = np.where(near, (_NU + 2.0) / (_NU + squared), _NO_WEIGHT)

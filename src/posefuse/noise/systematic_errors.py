@@ -12,6 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from posefuse.arrays import column_medians
 from posefuse.model.cameras import CameraRig
 from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import Layer
@@ -150,7 +151,7 @@ def _common_px2(error_px: np.ndarray, first: np.ndarray) -> np.ndarray:
     enough = np.minimum(*counts) >= _MIN_IN_HALF
     medians = [np.zeros((error_px.shape[1], 2)) for _ in halves]
     for median, half in zip(medians, halves, strict=True):
-        median[enough] = np.nanmedian(half[:, enough], axis=0) if enough.any() else 0.0
+        median[enough] = column_medians(half[:, enough]) if enough.any() else 0.0
     return np.where(enough, 0.5 * (medians[0] * medians[1]).sum(axis=-1), np.nan)
 
 

@@ -3,6 +3,7 @@
 import math
 import warnings
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -174,16 +175,23 @@ def resolve_pairs(options: Options, n_cameras: int, skeleton: Skeleton) -> Optio
 
 def unused_side_options(options: Options) -> tuple[str, ...]:
     """Return a note if options of the left/right correction are given and left/right labels are used as they are."""
-    default = Options()
+    if options.pairs != "labels":
+        return ()
+    default = _default_options()
     names = ("sides", "side_search", "pair_search")
     given = [name for name in names if getattr(options, name) != getattr(default, name)]
-    if options.pairs != "labels" or not given:
+    if not given:
         return ()
     return (
         f"{' and '.join(given)} {'has' if len(given) == 1 else 'have'} no effect: the left/right labels are used as "
         "they are (pairs = 'labels'). `pairs='enumerate'` corrects them, with a method that supports it and at least "
         "two cameras.",
     )
+
+
+@cache
+def _default_options() -> Options:
+    return Options()
 
 
 def resolve_solve(options: Options, facts: RecordingFacts, n_cameras: int) -> Options:

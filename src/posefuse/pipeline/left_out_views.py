@@ -41,7 +41,7 @@ _TWO_VIEWS = (
 )
 
 _MAX_VIEWS = 6
-_MAX_SPANS, _SPAN_S, _MARGIN_S = 4, 1.0, 0.35
+_MIN_SPANS, _MAX_SPANS, _SPAN_S, _MARGIN_S = 2, 4, 1.0, 0.35
 _MIN_SPAN, _MAX_SPAN = 8, 40
 _MAX_OBSERVED = 1000
 """Upper bound of frames times people times views that are left out."""
@@ -116,9 +116,12 @@ def sample_spans(plan: Plan, n_left_out: int) -> list[Span]:
     """Return ranges of frames that represent a recording, which depend on its length, views and people only."""
     n_frames, period_s = plan.detections.n_frames, clock_of(plan.detections).period_s
     most = int(_MAX_OBSERVED / (n_left_out * _people_present(plan)))
-    length = min(max(round(_SPAN_S / period_s), _MIN_SPAN), _MAX_SPAN, max(most // _MAX_SPANS, _MIN_SPAN))
     margin = min(round(_MARGIN_S / period_s), _MAX_SPAN)
-    number = min(_MAX_SPANS, max(n_frames // (length + 2 * margin), 1))
+    # Frames of margins show nothing but take as long as others. Errors last a quarter of a second, so a span twice as
+    # long has nearly as many independent ones as two spans.
+    number = min(_MAX_SPANS, max(most // max(2 * margin, 1), _MIN_SPANS))
+    length = min(max(round(_SPAN_S / period_s), _MIN_SPAN), _MAX_SPAN, max(most // number, _MIN_SPAN))
+    number = min(number, max(n_frames // (length + 2 * margin), 1))
     if number == 1:
         length = min(n_frames, max(length, most))
     # Spans lie in the middle of equal parts of the recording.

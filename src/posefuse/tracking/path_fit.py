@@ -26,7 +26,7 @@ from posefuse.kernels.tracking.path_terms import (
 from posefuse.kernels.tracking.records import State
 from posefuse.tracking.settings import MIN_MEMORY_S, TrackerSettings
 
-_ITERATIONS = 5
+_ITERATIONS = 6
 
 _MAX_STEP = 0.5
 """Largest change of a number of the pose in one step, in meters or radians."""

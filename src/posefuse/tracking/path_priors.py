@@ -223,34 +223,32 @@ class _BodyFit:
         return float(np.median(np.concatenate(errors))) if errors else np.nan
 
 
-def fit_path(smoothed: State, run: Run, priors: PathPriors, settings: TrackerSettings) -> State | None:
+def fit_path(begin: State, run: Run, priors: PathPriors, settings: TrackerSettings) -> State | None:
     """Fit the poses of one person to all detections of a run.
 
     Args:
-        smoothed: Smoothed states of the run, where the fit begins.
+        begin: States of the run, filtered or smoothed, where the fit begins.
         run: Consecutive frames of one track.
         priors: Priors of the recording.
         settings: Settings of the tracker.
 
     Returns:
-        State with one entry per frame; None if the run is too short, shows nothing or could not be fitted, or if fitted
-            poses of the track explain the detections worse than the smoothed ones.
+        State with one entry per frame, and covariances without velocities; None if the run is too short, shows nothing
+            or could not be fitted, or if fitted poses of the track explain the detections worse than the smoothed ones.
     """
     lengths = priors.bodies.get(run.number)
     if len(run) < _MIN_FRAMES or not lengths or not np.isfinite(run.confidence).any():
         return None
     epoch = np.searchsorted([each.start for each in lengths], run.places, side="right") - 1
     epoch = np.maximum(epoch, 0)
-    state = smoothed._replace(shape=np.stack([each.shape_m for each in lengths])[epoch])
+    state = begin._replace(shape=np.stack([each.shape_m for each in lengths])[epoch])
     detections = PathDetections.of(run.time_s, run.keypoints_px, run.confidence, settings)
     fit = PathFit(_without_covariance(state), detections, settings)
     reduced = reduce_to_lengths(fit, priors.motion, priors.inflation) if fit.fit(priors.motion) else None
     if reduced is None:
         return None
     lengths_m2 = np.stack([each.covariance_m2 for each in lengths])[epoch]
-    joint = reduced.covariance(fit.covariances()[0], lengths_m2)
-    covariance = np.zeros_like(smoothed.covariance)
-    covariance[:, : joint.shape[1], : joint.shape[1]] = joint
+    covariance = reduced.covariance(fit.covariances()[0], lengths_m2)
     free = np.ones(len(run), dtype=np.int64)
     return fit.state._replace(velocity=fit.velocities(), covariance=covariance, free=free)
 

@@ -23,7 +23,7 @@ from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.smoothed_bodies import SmoothedBodies, describe_bodies
 from posefuse.tracking.tempering import observe_pose, predict_states
 
-_MAX_FRAMES = 512
+_MAX_FRAMES = 1024
 """Number of frames that are smoothed at a time, which bounds the memory of their covariances."""
 
 
@@ -177,6 +177,12 @@ def _smooth_run(
     first, last, following = (int(np.searchsorted(run.places, place)) for place in piece.span)
     if settings.options.smoother == "none":
         return describe_bodies(run.within(*piece.span[:2]).state, None, settings), None, None
+    if priors is not None and last > first and len(piece.runs) == 1:
+        # Fitted poses depend on where the fit begins by a tenth of their uncertainty, so the states of the filter do.
+        fitted = fit_path(run.state, run, priors, settings)
+        if fitted is not None:
+            kept = State(*(each[first:last] for each in fitted))
+            return with_lasting_offsets(describe_bodies(kept, None, settings), settings), None, None
     window = refilter_run(run, piece.window, settings)
     rest = window.after(min(following, last - 1)).copy() if last else None
     begin = 0 if priors is not None else first

@@ -2,23 +2,17 @@
 
 import numpy as np
 
-from posefuse.kernels.trajectory.band import REACH, factor_paths, invert_paths
-from posefuse.kernels.trajectory.bone_terms import (
-    BoneTerms,
-    PathFactor,
-    Stopping,
-    add_bone_gradient,
-    add_to_diagonal,
-    bone_directions,
-    propagate_bone_information,
-    solve_with_bones,
-)
+from posefuse.kernels.trajectory.band import FACTOR_ROWS, LANES, REACH, factor_paths
+from posefuse.kernels.trajectory.band_inverse import invert_paths
+from posefuse.kernels.trajectory.blocks import empty_blocks
+from posefuse.kernels.trajectory.bone_solve import Stopping, Vectors, solve_with_bones
+from posefuse.kernels.trajectory.bone_terms import BonePrior, BoneTerms, add_bones, propagate_bone_information
 from posefuse.kernels.trajectory.observation_terms import PathSystem
 from posefuse.trajectory.bones import Bones
 from posefuse.trajectory.paths import PersonPriors
 
-_STOPPING = Stopping(max_iterations=30, tolerance=1e-3, negligible=3e-4)
-"""Larger errors than 0.0003 standard deviations per coordinate would show as seams between windows."""
+_STOPPING = Stopping(max_iterations=30, tolerance=1e-3, negligible=1e-3)
+"""Larger errors than 0.001 standard deviations per coordinate would show as seams between windows."""
 
 _BONE_REACH = 3.0
 """Distance, in standard deviations of length and views, at which a bone holds a quarter as tightly."""
@@ -30,24 +24,14 @@ _BONE_CORRELATION_S = 0.05
 """Correlation time of the length error of a bone, in seconds."""
 
 
-def bone_stiffness(
-    bones: Bones,
-    paths_m: np.ndarray,
-    person_priors: PersonPriors,
-    alive: np.ndarray,
-    variance_m2: np.ndarray,
-    step_s: float,
-) -> np.ndarray:
-    """Return the stiffness of bones, shape (bone, frame): inverse variance of each length per independent frame.
+def bone_prior(bones: Bones, person_priors: PersonPriors, variance_m2: np.ndarray, step_s: float) -> BonePrior:
+    """Return the lengths of bones, and how tightly they hold per independent frame.
 
-    A bone far from its length, relative to its own variation and the uncertainty of the views, is down-weighted
-    (Geman and McClure).
+    A bone far from its length, relative to its own variation and the uncertainty of the views, is down-weighted.
 
     Args:
         bones: of the skeleton.
-        paths_m: shape (keypoint, frame, 3).
         person_priors: of the person.
-        alive: shape (keypoint, frame), bool.
         variance_m2: shape (keypoint,): typical variance of a point from a single frame.
         step_s: time between frames.
     """
@@ -57,46 +41,39 @@ def bone_stiffness(
     give_m2 = np.square(person_priors.length_sd_m)
     with np.errstate(divide="ignore"):
         stiffness = np.minimum(share / give_m2, _MAX_RELATIVE_STIFFNESS / seen_m2)
-    length_error_m = np.linalg.norm(paths_m[one] - paths_m[other], axis=-1) - person_priors.length_m[:, None]
-    reach_m2 = _BONE_REACH**2 * (give_m2 + seen_m2)[:, None]
-    with np.errstate(invalid="ignore"):
-        weight = np.square(1.0 / (1.0 + np.nan_to_num(np.square(length_error_m) / reach_m2)))
-    return np.where(alive[one] & alive[other], stiffness[:, None] * weight, 0.0)
+    # A bone of unknown length has stiffness 0, but a NaN length would spread to all keypoints.
+    return BonePrior(bones.ends, np.nan_to_num(person_priors.length_m), stiffness, _BONE_REACH**2 * (give_m2 + seen_m2))
 
 
 def solve_system(
-    bones: Bones, paths_m: np.ndarray, system: PathSystem, stiffness: np.ndarray, length_m: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the steps of the paths, and the covariance within the band.
+    bones: Bones, prior: BonePrior, alive: np.ndarray, paths_m: np.ndarray, system: PathSystem
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the steps of the paths, their covariance, and the traces of the covariance within the band.
 
     Args:
         bones: of the skeleton.
+        prior: of the bones.
+        alive: shape (keypoint, frame), bool.
         paths_m: shape (keypoint, frame, 3).
         system: normal equations without bones; overwritten.
-        stiffness: from :func:`bone_stiffness`.
-        length_m: shape (bone,).
+
+    Returns:
+        Shapes (keypoint, block, 3 * BLOCK), (keypoint, frame, 3, 3) and (keypoint, REACH + 1, frame).
     """
-    band, rhs, information = system
-    ends, order = bones.ends, bones.order
     keypoints, frames, _ = paths_m.shape
-    directions, length_error = np.empty((len(ends), frames, 3)), np.empty((len(ends), frames))
-    # A bone of unknown length has stiffness 0, but a NaN length would spread to all keypoints.
-    bone_directions(ends, np.nan_to_num(length_m), paths_m, directions, length_error)
-    bone_information = np.empty_like(information)
-    propagate_bone_information(
-        ends, order, directions, stiffness, information, bone_information, np.empty((len(order), 3, 3))
-    )
-    add_to_diagonal(bone_information, band)
-    add_bone_gradient(ends, directions, stiffness, length_error, rhs)
-    lower, inverse = np.empty((keypoints, frames, REACH, 3, 3)), np.empty((keypoints, frames, 3, 3))
-    factor_paths(band, lower, inverse, np.empty(keypoints))
-    steps, covariance = np.empty_like(rhs), np.empty_like(band)
-    solve_with_bones(
-        PathFactor(lower, inverse),
-        BoneTerms(bones.components, ends, directions, stiffness, bone_information),
-        rhs,
-        _STOPPING,
-        steps,
-    )
-    invert_paths(lower, inverse, covariance)
-    return steps, covariance
+    n_bones, tiles = len(bones.ends), bones.groups.tiles
+    terms = BoneTerms(
+        empty_blocks(n_bones, frames, 3), empty_blocks(n_bones, frames, 1), empty_blocks(n_bones, frames, 1),
+        empty_blocks(keypoints, frames, 6),
+    )  # fmt: skip
+    if n_bones:
+        add_bones(prior, alive, paths_m, terms, system.rhs)
+        propagate_bone_information(bones.ends, bones.order, system.information, terms)
+        np.add(system.diagonal, terms.information, out=system.diagonal)
+    factor = np.empty((len(tiles), frames + 2 * REACH, FACTOR_ROWS * LANES))
+    factor_paths(system.diagonal, system.coupling, tiles, factor)
+    vectors = Vectors.of(system.rhs, frames)
+    solve_with_bones(factor, bones.groups, bones.ends, terms, _STOPPING, vectors)
+    covariance, traces = np.empty((keypoints, frames, 3, 3)), np.empty((keypoints, REACH + 1, frames))
+    invert_paths(factor, tiles, covariance, traces)
+    return vectors.steps, covariance, traces

@@ -5,8 +5,8 @@ keypoint touches, its velocity changes at once, so the smoothness prior is weak 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, replace
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -42,6 +42,10 @@ class GroundContact:
     normal: np.ndarray
     heights_m: np.ndarray
     height_sd_m: float
+
+    def of_keypoints(self, keypoints: np.ndarray) -> Self:
+        """Return the same contact with indices into some keypoints, sorted, which all those in contact belong to."""
+        return replace(self, keypoints=[int(each) for each in np.searchsorted(keypoints, self.keypoints)])
 
     def terms(self, time_s: np.ndarray) -> ContactTerms:
         """Return the terms of the trajectory system.

@@ -1,11 +1,14 @@
 """Observations of one person: every view's keypoints in the array layout of the kernels, one path per keypoint."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
-from posefuse.kernels.cameras.linearize import linearize
+from posefuse.arrays import kernel_array
+from posefuse.kernels.cameras.linearize import LINEAR_ROWS, linearize, linearize_paths
+from posefuse.kernels.cameras.observation_rows import BLOCK
+from posefuse.kernels.trajectory.blocks import n_blocks
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.label_swaps import Swaps, SwapState
@@ -108,14 +111,23 @@ class PersonObservations:
         """Whether the person was measured in any frame."""
         return bool(np.isfinite(self.points_m).any())
 
+    def of_keypoints(self, keypoints: np.ndarray) -> Self:
+        """Return the observations of some keypoints."""
+        return replace(
+            self, pixels=self.pixels[keypoints], sigma_px=self.sigma_px[keypoints], agreed=self.agreed[keypoints],
+            points_m=self.points_m[keypoints],
+        )  # fmt: skip
+
+    def linear_blocks(self, paths_m: np.ndarray) -> np.ndarray:
+        """Return the linearized observations, see :func:`linearize_paths`."""
+        keypoints, frames, views, _ = self.pixels.shape
+        linear = np.empty((keypoints, n_blocks(frames), views, LINEAR_ROWS * BLOCK))
+        linearize_paths(self.rig.packed, kernel_array(paths_m), kernel_array(self.pixels), linear)
+        return linear
+
     def linear(self, paths_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return residuals (keypoint, frame, view, 2) in px, projected minus observed, and derivatives (..., 2, 3)."""
-        keypoints, frames, views, _ = self.pixels.shape
-        n = keypoints * frames
-        residuals, jacobians = np.empty((n, views, 2)), np.empty((n, views, 2, 3))
-        pixels = self.pixels.reshape(n, views, 2)
-        linearize(self.rig.packed, paths_m.reshape(n, 3), pixels, residuals, jacobians)
-        return residuals.reshape(self.pixels.shape), jacobians.reshape(*self.pixels.shape, 3)
+        return linearize(self.rig.packed, kernel_array(paths_m), kernel_array(self.pixels))
 
 
 def _of_rows(values: np.ndarray, rows: np.ndarray) -> np.ndarray:

@@ -13,17 +13,18 @@ import numpy as np
 from scipy.ndimage import binary_opening, uniform_filter1d
 
 from posefuse.kernels.trajectory.band import REACH
+from posefuse.kernels.trajectory.blocks import empty_blocks, from_blocks, matrices_from_blocks, n_blocks
 from posefuse.kernels.trajectory.contact_terms import add_contact
-from posefuse.kernels.trajectory.observation_terms import (
-    PathSystem,
+from posefuse.kernels.trajectory.observation_terms import PathSystem, ViewTerms, add_views, weigh_observations
+from posefuse.kernels.trajectory.smoothness_terms import (
+    SCRATCH_ROWS,
     SmoothnessTerms,
-    ViewTerms,
-    assemble_system,
+    add_smoothness,
+    padded_coefficients,
     squared_differences,
-    weigh_observations,
 )
 from posefuse.model.options.trajectory import TrajectoryOptions
-from posefuse.trajectory.bone_system import bone_stiffness, solve_system
+from posefuse.trajectory.bone_system import bone_prior, solve_system
 from posefuse.trajectory.bones import Bones
 from posefuse.trajectory.error_level import ErrorLevel
 from posefuse.trajectory.error_spectrum import ErrorSpectrum
@@ -49,6 +50,12 @@ _CONTACT_ROUNDS = 2
 """Number of rounds with ground contact, each with the contact that the paths before it show."""
 
 
+_UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+
+_MIN_REWEIGHTED_ROUNDS = 3
+"""Number of rounds with new weights after which paths change by a few hundredths of their standard deviations."""
+
+
 _PERSISTENT_LIMIT_FACTOR = 0.65
 """Factor for the rejection limits if errors are persistent, because errors of successive frames do not cancel."""
 
@@ -63,6 +70,7 @@ class PathSolver:
         bones: of the skeleton.
         options: of the solve.
         contact: keypoints on the ground, or None.
+        longest_step_m: limit of the steps of a round; None for half the measured size of the subject.
     """
 
     observed: PersonObservations
@@ -70,6 +78,7 @@ class PathSolver:
     bones: Bones
     options: TrajectoryOptions
     contact: GroundContact | None = None
+    longest_step_m: float | None = None
 
     def solve(
         self, person_priors: PersonPriors, find_contact: Callable[[Paths], GroundContact | None] | None = None
@@ -101,39 +110,64 @@ class PathSolver:
         return Roughness.of(self.observed, paths.paths_m, paths.covariance_m2, paths.weights, person_priors.spread)
 
     def smooth(self, person_priors: PersonPriors) -> Paths:
-        """Run all rounds."""
-        paths = Paths.initial(self.observed, self.smoothness, self.options)
-        scale = self.error_level.scale(person_priors)
+        """Run all rounds, for each batch of connected keypoints until its paths settle."""
+        initial = Paths.initial(self.observed, self.smoothness, self.options)
+        batches = self.bones.batches
+        if len(batches) < 2:
+            return self._settle(initial, person_priors)
+        found = []
+        for keypoints in batches:
+            solver, priors = self._of_keypoints(keypoints, person_priors)
+            found.append((keypoints, solver._settle(initial.of_keypoints(keypoints), priors)))
+        return Paths.joined(found)
+
+    def _settle(self, paths: Paths, person_priors: PersonPriors) -> Paths:
+        """Perform rounds until all paths settle, at most as many as the options say."""
+        scale, min_agreeing = self.error_level.scale(person_priors), self._min_agreeing_views(person_priors)
         for number in range(_FIXED_WEIGHT_ROUNDS + self.options.iterations):
-            paths = self.perform_round(
-                paths,
-                person_priors,
-                scale,
-                keep_weights=number < _FIXED_WEIGHT_ROUNDS,
-                min_agreeing=self._min_agreeing_views(person_priors),
-            )
+            before, keep = paths, number < _FIXED_WEIGHT_ROUNDS
+            paths = self.perform_round(paths, person_priors, scale, keep_weights=keep, min_agreeing=min_agreeing)
+            if number + 1 >= _FIXED_WEIGHT_ROUNDS + _MIN_REWEIGHTED_ROUNDS and paths.has_settled_since(
+                before, self.observed.step_s
+            ):
+                break
         return paths
+
+    def _of_keypoints(self, keypoints: np.ndarray, person_priors: PersonPriors) -> tuple["PathSolver", PersonPriors]:
+        """Return the solver and the priors of whole groups of connected keypoints, sorted indices."""
+        bones, kept = self.bones.of_keypoints(keypoints)
+        contact = None if self.contact is None else self.contact.of_keypoints(keypoints)
+        solver = replace(
+            self, observed=self.observed.of_keypoints(keypoints), bones=bones, contact=contact,
+            longest_step_m=self.max_step_m,
+        )  # fmt: skip
+        return solver, person_priors.of_keypoints(keypoints, kept)
 
     def _with_contact(
         self, paths: Paths, person_priors: PersonPriors, find_contact: Callable[[Paths], GroundContact | None]
     ) -> Paths:
-        """Run the rounds with ground contact."""
+        """Run the rounds with ground contact, which change the keypoints that are connected with those in contact."""
         scale, min_agreeing = self.error_level.scale(person_priors), self._min_agreeing_views(person_priors)
         for _ in range(_CONTACT_ROUNDS):
             contact = find_contact(paths)
             if contact is None:
                 break
-            solver = replace(self, contact=contact)
-            paths = solver.perform_round(paths, person_priors, scale, keep_weights=False, min_agreeing=min_agreeing)
+            own = np.sort(
+                np.concatenate([each for each in self.bones.batches if np.isin(contact.keypoints, each).any()])
+            )
+            solver, priors = replace(self, contact=contact)._of_keypoints(own, person_priors)
+            touched = solver.perform_round(
+                paths.of_keypoints(own), priors, scale[own], keep_weights=False, min_agreeing=min_agreeing
+            )
+            paths = paths.with_keypoints(own, touched)
         return paths
 
     def first_variance(self, paths: Paths, person_priors: PersonPriors) -> np.ndarray:
         """Return the typical variance of a point from a single frame at the initial paths, shape (keypoint,), m^2."""
-        residuals, jacobians = self.observed.linear(paths.paths_m)
-        rows = np.zeros(paths.density_factor.shape)
-        sigma = person_priors.spread * self.observed.sigma_px
-        _, _, information = self._terms(residuals, jacobians, sigma, paths.weights, rows, paths)
-        return typical_variance(information, paths.weights)
+        linear = self.observed.linear_blocks(paths.paths_m)
+        level = np.full(len(paths.weights), person_priors.spread)
+        system, _, seen = self._add_views(linear, level, self.error_level.unit_scale, paths.weights)
+        return typical_variance(system.information, seen)
 
     def perform_round(
         self,
@@ -153,50 +187,68 @@ class PathSolver:
             keep_weights: whether views keep their weights.
             min_agreeing: this many views that measured a point together are not rejected together.
         """
-        observed, options = self.observed, self.options
-        residuals, jacobians = observed.linear(paths.paths_m)
+        observed, smoothness = self.observed, self.smoothness
+        linear = observed.linear_blocks(paths.paths_m)
         weights = paths.weights
         if not keep_weights:
-            weights = self._restore_agreed_views(
-                self._weights(residuals, jacobians, paths.covariance_m2, person_priors), min_agreeing
-            )
-        weights = np.where(np.isfinite(residuals[..., 0]), weights, 0.0)
-        alive = alive_frames(np.asarray(weights.any(axis=-1)), observed.time_s, options.max_gap_s)
+            weights = self._weights(linear, paths.covariance_m2, person_priors, min_agreeing)
+        inflation = np.ones(len(weights)) if person_priors.inflation is None else person_priors.inflation
+        system, weights, seen = self._add_views(linear, person_priors.spread * np.sqrt(inflation), scale, weights)
+        alive = alive_frames(seen, observed.time_s, self.options.max_gap_s)
         density = person_priors.density[:, None] * paths.density_factor
         if self.contact is not None:
-            density = self.contact.density(density, self.smoothness, observed.time_s)
-        stiffness = self.smoothness.stiffness(density, alive)
-        inflation = np.ones(len(weights)) if person_priors.inflation is None else person_priors.inflation
-        sigma = person_priors.spread * np.sqrt(inflation)[:, None, None] * observed.sigma_px * scale
-        band, rhs, information = self._terms(residuals, jacobians, sigma, weights, stiffness, paths)
+            density = self.contact.density(density, smoothness, observed.time_s)
+        stiffness = smoothness.stiffness(density, alive)
+        ridge = _RIDGE / np.where(np.isfinite(paths.variance_m2), paths.variance_m2, np.inf) + 1e-12
+        coefficients = self._coefficients
+        terms = SmoothnessTerms(coefficients, stiffness, np.zeros((SCRATCH_ROWS, coefficients.shape[1])))
+        add_smoothness(terms, ridge, paths.paths_m, system)
         if self.contact is not None:
-            add_contact(self.contact.terms(observed.time_s), paths.paths_m, band, rhs)
-        variance = typical_variance(information, weights)
-        stiffness_m2 = bone_stiffness(self.bones, paths.paths_m, person_priors, alive, variance, observed.step_s)
-        steps, covariance = solve_system(
-            self.bones, paths.paths_m, PathSystem(band, rhs, information), stiffness_m2, person_priors.length_m
-        )
-        moved = paths.paths_m + self._limit_steps(steps)
+            add_contact(self.contact.terms(observed.time_s), paths.paths_m, system)
+        variance = typical_variance(system.information, seen)
+        prior = bone_prior(self.bones, person_priors, variance, observed.step_s)
+        steps, covariance, traces = solve_system(self.bones, prior, alive, paths.paths_m, system)
+        moved = paths.paths_m + self._limit_steps(from_blocks(steps, len(observed.time_s)))
         squares, determined = np.empty(stiffness.shape), np.empty(stiffness.shape)
-        squared_differences(self.smoothness.differences, stiffness, moved, covariance, squares, determined)
-        density_factor = self._local_density_factor(squares * paths.density_factor, determined)
-        leverage = np.einsum("kfij,kfji->kf", covariance[:, :, 0], information) / 3.0
-        factor = self._covariance_factor(density, variance, inflation, leverage, person_priors)
-        own_covariance = covariance[:, :, 0] * factor
-        persistent_ratio = self._persistent_covariance(
-            own_covariance, information * inflation[:, None, None, None], person_priors
-        )
+        squared_differences(terms, moved, traces, squares, determined)
+        squares *= paths.density_factor
+        factor = self._covariance_factor(density, variance, inflation, covariance, system, person_priors)
+        if factor is not None:
+            covariance *= factor
+        persistent = np.zeros_like(covariance)
+        if person_priors.persistent_ratio > 0.0:
+            information = matrices_from_blocks(system.information, covariance.shape[1])
+            persistent = self._persistent_covariance(
+                covariance, information * inflation[:, None, None, None], person_priors
+            )
         return Paths(
             moved,
-            own_covariance,
-            persistent_ratio,
+            covariance,
+            persistent,
             weights,
             alive,
             variance,
-            density_factor,
-            squares * paths.density_factor,
+            self._local_density_factor(squares, determined),
+            squares,
             determined,
         )
+
+    def _add_views(
+        self, linear: np.ndarray, level: np.ndarray, scale: np.ndarray, weights: np.ndarray
+    ) -> tuple[PathSystem, np.ndarray, np.ndarray]:
+        """Return the system of the views, the weights of defined observations, and which points are seen.
+
+        Args:
+            linear: linearized observations, in blocks.
+            level: shape (keypoint,): factor of the standard deviations of observations.
+            scale: shape (keypoint, frame, view): likewise.
+            weights: shape (keypoint, frame, view).
+        """
+        keypoints, frames, _ = weights.shape
+        system = PathSystem(*(empty_blocks(keypoints, frames, rows) for rows in (6, REACH, 3, 6)))
+        weights, seen = weights.copy(), np.empty((keypoints, frames), dtype=np.bool_)
+        add_views(ViewTerms(linear, self.observed.sigma_px, scale, level, weights), system, seen)
+        return system, weights, seen
 
     def spectrum(self, person_priors: PersonPriors) -> ErrorSpectrum:
         """Return the spectrum of the errors."""
@@ -208,14 +260,18 @@ class PathSolver:
         density: np.ndarray,
         variance_m2: np.ndarray,
         inflation: np.ndarray,
-        leverage: np.ndarray,
+        covariance_m2: np.ndarray,
+        system: PathSystem,
         person_priors: PersonPriors,
-    ) -> np.ndarray:
-        """Return the factor of the covariances for the correlation of errors, shape (keypoint, frame, 1, 1)."""
-        keypoints, rows = density.shape
+    ) -> np.ndarray | None:
+        """Return the factor of the covariances for the correlation of errors, (keypoint, frame, 1, 1); None for 1."""
+        rows = density.shape[1]
+        if not rows or (person_priors.correlation_s <= 0.0 and self.contact is None):
+            return None
         frames = len(self.observed.time_s)
-        if not rows:
-            return np.ones((keypoints, frames, 1, 1))
+        information = from_blocks(system.information, frames)
+        weighted = [covariance_m2[..., i, j] * information[..., n] for n, (i, j) in enumerate(_UPPER)]
+        leverage = (weighted[0] + weighted[3] + weighted[5] + 2.0 * (weighted[1] + weighted[2] + weighted[4])) / 3.0
         with np.errstate(divide="ignore", invalid="ignore"):
             log_gain = np.log(density * self.observed.step_s ** (2 * self.smoothness.order - 1) / variance_m2[:, None])
         # An even number of frames has no middle one: the two nearest rows count, so that time may run backward.
@@ -241,8 +297,6 @@ class PathSolver:
         exceed the inverse of ``P`` in any direction. Directions determined by time or bones rather than views do not
         move.
         """
-        if person_priors.persistent_ratio == 0.0:
-            return np.zeros_like(covariance_m2)
         window = 2 * round(0.5 * self.options.max_gap_s / self.observed.step_s) + 1
         typical = uniform_filter1d(information, window, axis=1, mode="nearest")
         gain = covariance_m2 @ typical
@@ -255,56 +309,42 @@ class PathSolver:
         """Return the number of agreeing views that overrule the path."""
         return 2 if person_priors.persistent_ratio > 0.0 else _MIN_AGREEING
 
-    def _restore_agreed_views(self, weights: np.ndarray, min_agreeing: int) -> np.ndarray:
-        """Return the weights, or those of the measured point where the path is too smooth to keep two views."""
-        agreed = self.observed.agreed & np.isfinite(self.observed.sigma_px)
-        too_few = ((weights > 0.5).sum(axis=-1) < 2) & (agreed.sum(axis=-1) >= min_agreeing)
-        # Require consecutive frames: in a single frame, three views may err alike by chance.
-        too_few = binary_opening(too_few, np.ones((1, _MIN_CONSECUTIVE), dtype=bool))
-        return np.where(too_few[..., None], agreed, weights)
-
     def _weights(
-        self, residuals: np.ndarray, jacobians: np.ndarray, covariance_m2: np.ndarray, person_priors: PersonPriors
+        self, linear: np.ndarray, covariance_m2: np.ndarray, person_priors: PersonPriors, min_agreeing: int
     ) -> np.ndarray:
-        """Return the weights of observations by their distance from the path, given its uncertainty."""
+        """Return the weights of observations by their distance from the path, given its uncertainty.
+
+        Where the path is too smooth to keep two views, they are those of the measured point.
+        """
         observed, options = self.observed, self.options
         strict = _PERSISTENT_LIMIT_FACTOR if person_priors.persistent_ratio > 0.0 else 1.0
-        weights = np.empty(observed.sigma_px.shape)
-        keypoints, frames, views = observed.sigma_px.shape
-        n = keypoints * frames
+        weights, counts = np.empty(observed.sigma_px.shape), np.empty(observed.sigma_px.shape[:2], dtype=np.int64)
         weigh_observations(
-            residuals.reshape(n, views, 2),
-            jacobians.reshape(n, views, 2, 3),
-            observed.sigma_px.reshape(n, views),
-            covariance_m2.reshape(n, 3, 3),
+            linear,
+            observed.sigma_px,
+            covariance_m2,
             strict * options.full_weight_sigma,
             strict * options.zero_weight_sigma,
-            weights.reshape(n, views),
+            weights,
+            counts,
         )
+        agreed, n_agreed = self._agreed_views
+        # Require consecutive frames: in a single frame, three views may err alike by chance.
+        too_few = (counts < 2) & (n_agreed >= min_agreeing)
+        too_few = np.asarray(binary_opening(too_few, np.ones((1, _MIN_CONSECUTIVE), dtype=bool)), dtype=np.bool_)
+        weights[too_few] = agreed[too_few]
         return weights
 
-    def _terms(
-        self,
-        residuals: np.ndarray,
-        jacobians: np.ndarray,
-        sigma_px: np.ndarray,
-        weights: np.ndarray,
-        stiffness: np.ndarray,
-        paths: Paths,
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the band, the right-hand side, and the information of single frames."""
-        keypoints, frames, _ = paths.paths_m.shape
-        band, rhs = np.empty((keypoints, frames, REACH + 1, 3, 3)), np.empty((keypoints, frames, 3))
-        information = np.empty((keypoints, frames, 3, 3))
-        variance_m2 = np.where(np.isfinite(paths.variance_m2), paths.variance_m2, np.inf)
-        ridge = _RIDGE / variance_m2 + 1e-12
-        assemble_system(
-            ViewTerms(residuals, jacobians, sigma_px, weights),
-            SmoothnessTerms(self.smoothness.differences, stiffness, ridge),
-            paths.paths_m,
-            PathSystem(band, rhs, information),
-        )
-        return band, rhs, information
+    @cached_property
+    def _coefficients(self) -> np.ndarray:
+        """Coefficients of the smoothness prior, as the kernels take them."""
+        return padded_coefficients(self.smoothness.differences, n_blocks(len(self.observed.time_s)))
+
+    @cached_property
+    def _agreed_views(self) -> tuple[np.ndarray, np.ndarray]:
+        """Observations that the measured points use, shape (keypoint, frame, view), bool, and their number."""
+        agreed = self.observed.agreed & np.isfinite(self.observed.sigma_px)
+        return agreed, agreed.sum(axis=-1)
 
     @cached_property
     def error_level(self) -> ErrorLevel:
@@ -313,7 +353,9 @@ class PathSolver:
 
     @cached_property
     def max_step_m(self) -> float:
-        """Maximum step length: half the measured size of the subject; inf if it is unknown."""
+        """Maximum step length; inf if the size of the subject is unknown."""
+        if self.longest_step_m is not None:
+            return self.longest_step_m
         points = self.observed.points_m
         with np.errstate(invalid="ignore"):
             extent = np.linalg.norm(np.fmax.reduce(points, axis=0) - np.fmin.reduce(points, axis=0), axis=-1)
@@ -322,8 +364,9 @@ class PathSolver:
 
     def _limit_steps(self, steps_m: np.ndarray) -> np.ndarray:
         """Return steps limited to the linear range, because a diverging point would corrupt the following rounds."""
-        length = np.linalg.norm(steps_m, axis=-1, keepdims=True)
-        return steps_m * np.minimum(1.0, self.max_step_m / np.maximum(length, 1e-300))
+        x, y, z = (steps_m[..., i] for i in range(3))
+        length = np.sqrt(x * x + y * y + z * z)
+        return steps_m * np.minimum(1.0, self.max_step_m / np.maximum(length, 1e-300))[..., None]
 
     def _local_density_factor(self, squares: np.ndarray, determined: np.ndarray) -> np.ndarray:
         """Return the local density factors."""
@@ -334,10 +377,19 @@ class PathSolver:
         return self.smoothness.local_density_factor(squares, determined, window, self.options.density_prior_s / step_s)
 
 
-def typical_variance(information: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Return the median variance of a point from a single frame, shape (keypoint,), m^2; NaN if never observed."""
-    trace = np.trace(information, axis1=-2, axis2=-1) / 3.0
-    there = np.asarray(weights.any(axis=-1))
-    return np.array(
-        [1.0 / np.median(own[seen]) if seen.any() else np.nan for own, seen in zip(trace, there, strict=True)]
+def typical_variance(information: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """Return the median variance of a point from a single frame, shape (keypoint,), m^2; NaN if never observed.
+
+    Args:
+        information: shape (keypoint, block, 6 * BLOCK): see :mod:`posefuse.kernels.trajectory.blocks`.
+        seen: shape (keypoint, frame), bool.
+    """
+    rows = from_blocks(information, seen.shape[1])
+    trace = np.where(seen, (rows[..., 0] + rows[..., 3] + rows[..., 5]) / 3.0, np.inf)
+    trace.sort(axis=1)
+    count = seen.sum(axis=1)
+    low, high = (
+        np.take_along_axis(trace, np.maximum(n, 0)[:, None], axis=1)[:, 0] for n in ((count - 1) // 2, count // 2)
     )
+    with np.errstate(divide="ignore"):
+        return np.where(count > 0, 1.0 / (0.5 * (low + high)), np.nan)

@@ -1,9 +1,11 @@
 """Paths of one person's keypoints, and the parameters they are solved with."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Self
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.trajectory.initial_paths import initial_paths
@@ -12,6 +14,11 @@ from posefuse.trajectory.smoothness import Smoothness, alive_frames
 
 CONSTANT_LEVEL_STRENGTH = 1e6
 """Strength of the prior on the error level that stands for a constant level."""
+
+
+_SETTLED_SIGMA, _SETTLED_S = 1.0, 0.5
+"""Further rounds follow while one moves a path by this many standard deviations, RMS over this time, as where a single
+view sees a point for long. Rounds that windows of a recording did not have in common would show at their borders."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +52,15 @@ class PersonPriors:
     inflation: np.ndarray | None = None
     error_variance: float = 1.0
 
+    def of_keypoints(self, keypoints: np.ndarray, bones: np.ndarray) -> Self:
+        """Return the parameters of some keypoints and of the bones between them."""
+        roughness, inflation = self.roughness_m2, self.inflation
+        return replace(
+            self, density=self.density[keypoints], length_m=self.length_m[bones], length_sd_m=self.length_sd_m[bones],
+            roughness_m2=None if roughness is None else roughness[keypoints],
+            inflation=None if inflation is None else inflation[keypoints],
+        )  # fmt: skip
+
 
 @dataclass(frozen=True, eq=False)
 class Paths:
@@ -71,6 +87,36 @@ class Paths:
     density_factor: np.ndarray
     squares: np.ndarray
     determined: np.ndarray
+
+    def has_settled_since(self, before: "Paths", step_s: float) -> bool:
+        """Return whether no path moved since a round before by more than its standard deviation over a while."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            moved = np.square(self.paths_m - before.paths_m).sum(axis=-1)
+            moved /= np.trace(self.covariance_m2, axis1=-2, axis2=-1) / 3.0
+        window = 2 * round(0.5 * _SETTLED_S / step_s) + 1
+        moved = np.where(self.alive & np.isfinite(moved), moved, 0.0)
+        return not (uniform_filter1d(moved, window, axis=1, mode="nearest") > _SETTLED_SIGMA**2).any()
+
+    def of_keypoints(self, keypoints: np.ndarray) -> Self:
+        """Return the paths of some keypoints."""
+        return type(self)(*(getattr(self, each.name)[keypoints] for each in fields(self)))
+
+    def with_keypoints(self, keypoints: np.ndarray, others: Self) -> Self:
+        """Return the paths with those of some keypoints replaced."""
+        return self.joined([(np.arange(len(self.paths_m)), self), (keypoints, others)])
+
+    @classmethod
+    def joined(cls, parts: Sequence[tuple[np.ndarray, Self]]) -> Self:
+        """Return the paths of all keypoints from those of groups; later groups replace earlier ones."""
+        number = 1 + max(int(keypoints.max()) for keypoints, _ in parts)
+        arrays = []
+        for each in fields(cls):
+            of_first = getattr(parts[0][1], each.name)
+            whole = np.empty((number, *of_first.shape[1:]), of_first.dtype)
+            for keypoints, paths in parts:
+                whole[keypoints] = getattr(paths, each.name)
+            arrays.append(whole)
+        return cls(*arrays)
 
     @classmethod
     def initial(cls, observed: PersonObservations, smoothness: Smoothness, options: TrajectoryOptions) -> Self:

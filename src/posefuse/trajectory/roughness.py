@@ -10,6 +10,9 @@ from typing import Self
 
 import numpy as np
 
+from posefuse.kernels.cameras.observation_rows import BLOCK
+from posefuse.kernels.trajectory.blocks import empty_blocks, from_blocks, matrices_from_blocks
+from posefuse.kernels.trajectory.observation_terms import PathSystem, ViewTerms, add_views
 from posefuse.trajectory.observations import PersonObservations
 
 _MIN_USED_WEIGHT = 0.5
@@ -59,8 +62,9 @@ class Roughness:
         used_weights = np.where(weights > _MIN_USED_WEIGHT, weights, 0.0)
         views = (used_weights > 0.0).sum(axis=-1)
         valid = views > 1
-        information = np.where(valid[..., None], used_weights, 0.0) / np.square(spread * observed.sigma_px)
-        frame_information, deviation, remaining = _distances(observed, paths_m, information)
+        frame_information, deviation, remaining = _distances(
+            observed, paths_m, np.where(valid[..., None], used_weights, 0.0), spread
+        )
         # Noise level of these frames, from the agreement of views within each frame, independent of the motion.
         noise = remaining.sum() / max(float((2.0 * views - 3.0)[valid].sum()), 1.0)
         expected = np.where(valid, 3.0 - np.einsum("kfij,kfji->kf", frame_information, covariance_m2), 0.0)
@@ -72,13 +76,23 @@ class Roughness:
 
 
 def _distances(
-    observed: PersonObservations, paths_m: np.ndarray, information: np.ndarray
+    observed: PersonObservations, paths_m: np.ndarray, weights: np.ndarray, spread: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return frame information, squared deviation of each frame's own point from the path, and remaining residuals."""
-    residuals, jacobians = (np.nan_to_num(each) for each in observed.linear(paths_m))
-    frame_information = np.einsum("kfv,kfvai,kfvaj->kfij", information, jacobians, jacobians)
-    gradient = np.einsum("kfv,kfvai,kfva->kfi", information, jacobians, residuals)
+    keypoints, frames, _ = paths_m.shape
+    linear = observed.linear_blocks(paths_m)
+    system = PathSystem(*(empty_blocks(keypoints, frames, rows) for rows in (6, 0, 3, 6)))
+    level = np.full(keypoints, spread)
+    views = ViewTerms(linear, observed.sigma_px, np.ones(weights.shape), level, weights)
+    add_views(views, system, np.empty((keypoints, frames), dtype=np.bool_))
+    factor = views.weights / np.square(spread * observed.sigma_px)
+    squares = np.zeros((keypoints, frames))
+    for view in range(factor.shape[-1]):
+        residuals = np.nan_to_num(from_blocks(linear[:, :, view, : 2 * BLOCK], frames))
+        squares += factor[..., view] * (np.square(residuals[..., 0]) + np.square(residuals[..., 1]))
+    frame_information = matrices_from_blocks(system.information, frames)
+    gradient = from_blocks(system.rhs, frames)
     trace = np.trace(frame_information, axis1=-2, axis2=-1)[..., None, None]
     safe = frame_information + np.where(trace > 0.0, 1e-9 * trace, 1.0) * np.eye(3)
     deviation = (gradient * np.linalg.solve(safe, gradient[..., None])[..., 0]).sum(axis=-1)
-    return frame_information, deviation, np.einsum("kfv,kfva,kfva->kf", information, residuals, residuals) - deviation
+    return frame_information, deviation, squares - deviation

@@ -98,6 +98,8 @@ def alive_frames(seen: np.ndarray, time_s: np.ndarray, max_gap_s: float) -> np.n
         time_s: shape (frame,).
         max_gap_s: time between the last observed frame before and the first after.
     """
+    if seen.all():
+        return seen
     before = np.maximum.accumulate(np.where(seen, time_s, -np.inf), axis=1)
     after = np.minimum.accumulate(np.where(seen, time_s, np.inf)[:, ::-1], axis=1)[:, ::-1]
     step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0

@@ -165,11 +165,10 @@ def point_statuses(paths: Paths, before: np.ndarray, max_sd_m: float) -> np.ndar
     status = np.where(paths.alive, status, missing)
     total_covariance = paths.covariance_m2 + paths.persistent_covariance_m2
     finite = np.asarray(np.isfinite(total_covariance).all(axis=(-1, -2)) & np.isfinite(paths.paths_m).all(axis=-1))
-    finite_covariance = np.where(finite[..., None, None], paths.covariance_m2, 0.0)
-    variance = np.linalg.eigvalsh(finite_covariance)[..., -1]
     # Points measured by two views are always reported; their covariance states the uncertainty.
-    measured = (views > 1) & (before < PointStatus.NOT_SEEN)
-    unknown = ~finite | (~measured & (variance > max_sd_m**2))
+    judged = finite & ~((views > 1) & (before < PointStatus.NOT_SEEN))
+    unknown = ~finite
+    unknown[judged] = np.linalg.eigvalsh(paths.covariance_m2[judged])[..., -1] > max_sd_m**2
     unknown &= status < PointStatus.NOT_SEEN
     return np.where(unknown, PointStatus.UNCERTAIN, status)
 

@@ -5,7 +5,6 @@ squared residual bounded, is refined over all views by reweighted Gauss-Newton. 
 rejected, and the covariance is that of the remaining views. See docs/methods.
 """
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -49,9 +48,8 @@ def solve(
         ),
         out.arrays,
     )
-    layer = out.finish()
-    variance_factor = reweighting_loss(chosen.full_weight_sigma, chosen.zero_weight_sigma)
-    return replace(layer, covariance_m2=np.asarray(layer.covariance_m2) * variance_factor)
+    out.arrays.covariance[:] *= reweighting_loss(chosen.full_weight_sigma, chosen.zero_weight_sigma)
+    return out.finish()
 
 
 @cache

@@ -2,10 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
 
+from posefuse.arrays import kernel_array
 from posefuse.kernels.cameras.linearize import linearize
 from posefuse.model.cameras import CameraRig
 from posefuse.triangulation.observations import Observations
@@ -19,9 +21,8 @@ def linear_rows(rig: CameraRig, points_m: np.ndarray, pixels: np.ndarray) -> tup
         points_m: shape (point, 3).
         pixels: shape (point, view, 2), NaN where a view has no observation; results are NaN there too.
     """
-    residuals, jacobians = np.empty(pixels.shape), np.empty((*pixels.shape, 3))
-    linearize(rig.packed, np.ascontiguousarray(points_m), np.ascontiguousarray(pixels), residuals, jacobians)
-    return residuals, jacobians
+    residuals, jacobians = linearize(rig.packed, kernel_array(points_m)[None], kernel_array(pixels)[None])
+    return residuals[0], jacobians[0]
 
 
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
@@ -51,19 +52,27 @@ class LinearPoints:
             sigma_px: shape (point, view): standard deviations of the observations, inf for observations to ignore.
             used: shape (point, view), bool: observations that determine the points; by default all that count.
         """
-        counts = np.isfinite(sigma_px) & np.isfinite(self.residuals_px[..., 0])
+        there, residuals, jacobians = self._columns
+        counts = np.isfinite(sigma_px) & there
         used = counts if used is None else counts & used
-        # Keep points in the last axis: sums over views and axes then run over long contiguous rows.
-        weight = np.where(counts, 1.0 / sigma_px, 0.0).T
-        residual = np.where(counts.T, self.residuals_px.transpose(2, 1, 0), 0.0) * weight
-        jacobian = np.where(counts.T, self.jacobians.transpose(2, 3, 1, 0), 0.0) * weight
+        weight = np.where(counts.T, 1.0 / sigma_px.T, 0.0)
+        residual, jacobian = residuals * weight, jacobians * weight
         weighted = jacobian * used.T
         covariance = _inverse_3x3([(weighted[:, i] * jacobian[:, k]).sum(axis=(0, 1)) for i, k in _UPPER])
         gradient = [(weighted[:, i] * residual).sum(axis=(0, 1)) for i in range(3)]
         gain = np.stack([sum(jacobian[:, i] * covariance[i][k] for i in range(3)) for k in range(3)], axis=1)
         residual = residual - sum(gain[:, i] * gradient[i] for i in range(3))
-        shares = (gain[:, None] * jacobian[None]).sum(axis=2)
-        return LinearFit(used, residual.transpose(2, 1, 0), shares.transpose(3, 2, 0, 1))
+        return LinearFit(used, residual.transpose(2, 1, 0), gain, jacobian)
+
+    @cached_property
+    def _columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where there are observations (point, view), their residuals (2, view, point) and derivatives; 0 elsewhere.
+
+        Points are in the last axis, so that sums over views and axes run over long contiguous rows.
+        """
+        there = np.isfinite(self.residuals_px[..., 0])
+        residuals = np.where(there.T, self.residuals_px.transpose(2, 1, 0), 0.0)
+        return there, residuals, np.where(there.T, self.jacobians.transpose(2, 3, 1, 0), 0.0)
 
 
 def _inverse_3x3(upper: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
@@ -93,13 +102,29 @@ class LinearFit:
     Attributes:
         used: shape (point, view), bool.
         residuals: shape (point, view, 2), 0 where a view has no observation that counts.
-        shares: shape (point, view, 2, 2): covariance of the projected point; for a used view, its block of the hat
-            matrix.
+        gain: shape (2, 3, view, point): derivatives of the observations times the covariance of the point.
+        jacobian: the same shape: derivatives of the observations, in units of their standard deviations.
     """
 
     used: np.ndarray
     residuals: np.ndarray
-    shares: np.ndarray
+    gain: np.ndarray
+    jacobian: np.ndarray
+
+    @cached_property
+    def shares(self) -> np.ndarray:
+        """Covariance of the projected point, (point, view, 2, 2); for a used view, its block of the hat matrix."""
+        return (self.gain[:, None] * self.jacobian[None]).sum(axis=2).transpose(3, 2, 0, 1)
+
+    @property
+    def leverages(self) -> np.ndarray:
+        """Traces of the shares, shape (point, view)."""
+        return np.einsum("aivp,aivp->vp", self.gain, self.jacobian).T
+
+    @property
+    def squares(self) -> np.ndarray:
+        """Return the squared residual of each observation, shape (point, view)."""
+        return np.square(self.residuals[..., 0]) + np.square(self.residuals[..., 1])
 
     @property
     def squared(self) -> np.ndarray:

@@ -8,45 +8,73 @@ from posefuse.kernels.cameras.lens import OK
 from posefuse.kernels.cameras.observation_rows import BLOCK, residual, rows_block
 from posefuse.kernels.jit import inline, kernel
 
+LINEAR_ROWS = 8
+"""Rows of a linearized observation: two residuals in px, projected minus observed, and the derivatives of each with
+respect to the point."""
+
 
 @kernel
-def linearize(cameras, points, pixels, residuals, jacobians):
-    """Compute residuals of observations at points, and their derivatives with respect to the points.
+def linearize_paths(cameras, paths, pixels, linear):
+    """Linearize the observations of all paths.
 
-    They are those of the observation rows: exact without distortion, and first order in the residual with distortion.
+    Residuals are those of the observation rows: exact without distortion, and first order in the residual with it.
 
     Args:
         cameras: the camera array.
-        points: shape (point, 3), in the world.
-        pixels: shape (point, view, 2), NaN where missing.
-        residuals: shape (point, view, 2), written: projected minus observed, px; NaN where undefined.
-        jacobians: shape (point, view, 2, 3), written: derivatives of the residuals, px per unit; NaN where undefined.
+        paths: shape (keypoint, frame, 3).
+        pixels: shape (keypoint, frame, view, 2), NaN where missing.
+        linear: shape (keypoint, block, view, LINEAR_ROWS * BLOCK), written: NaN residuals and derivatives of 0 where
+            undefined. Frame ``f`` is in block ``f // BLOCK``, and row ``i`` at ``i * BLOCK + f % BLOCK``.
     """
     n_views = cameras.shape[0]
     block = np.empty((n_views, 2, BLOCK))
     codes = np.empty((n_views, BLOCK), np.int64)
     rows = np.empty((n_views, 12, BLOCK))
     scratch = np.empty((6, BLOCK))
-    for first in range(0, points.shape[0], BLOCK):
-        size = min(BLOCK, points.shape[0] - first)
-        for v in range(n_views):
+    point = np.empty((3, BLOCK))
+    frames = paths.shape[1]
+    for k in range(paths.shape[0]):
+        for b in range(linear.shape[1]):
             for j in range(BLOCK):
-                n = first + min(j, size - 1)
-                block[v, 0, j] = pixels[n, v, 0]
-                block[v, 1, j] = pixels[n, v, 1]
-            rows_block(cameras, v, block, codes, rows, scratch)
-            for j in range(size):
-                _store(rows, v, j, codes[v, j] == OK, points, first + j, residuals, jacobians)
+                f = min(b * BLOCK + j, frames - 1)
+                for i in range(3):
+                    point[i, j] = paths[k, f, i]
+                for v in range(n_views):
+                    block[v, 0, j] = pixels[k, f, v, 0]
+                    block[v, 1, j] = pixels[k, f, v, 1]
+            for v in range(n_views):
+                rows_block(cameras, v, block, codes, rows, scratch)
+                _store_linear(rows, codes, v, point, linear[k, b, v])
 
 
 @inline
-def _store(rows, v, j, valid, points, n, residuals, jacobians):
-    """Write the residual and its derivative for one point and one view."""
-    depth, r, s = residual(rows, v, j, points[n, 0], points[n, 1], points[n, 2])
-    valid = valid and depth > 0.0
-    inverse = 1.0 / depth if valid else math.nan
-    residuals[n, v, 0] = r if valid else math.nan
-    residuals[n, v, 1] = s if valid else math.nan
-    for i in range(3):
-        jacobians[n, v, 0, i] = (rows[v, i, j] - r * rows[v, 8 + i, j]) * inverse
-        jacobians[n, v, 1, i] = (rows[v, 4 + i, j] - s * rows[v, 8 + i, j]) * inverse
+def _store_linear(rows, codes, v, point, out):
+    """Write the residuals of a block in one view, and their derivatives."""
+    for j in range(BLOCK):
+        depth, r, s = residual(rows, v, j, point[0, j], point[1, j], point[2, j])
+        valid = (codes[v, j] == OK) & (depth > 0.0)
+        inverse = 1.0 / depth
+        out[j] = r if valid else math.nan
+        out[BLOCK + j] = s if valid else math.nan
+        for i in range(3):
+            out[(2 + i) * BLOCK + j] = (rows[v, i, j] - r * rows[v, 8 + i, j]) * inverse if valid else 0.0
+            out[(5 + i) * BLOCK + j] = (rows[v, 4 + i, j] - s * rows[v, 8 + i, j]) * inverse if valid else 0.0
+
+
+def linearize(cameras: np.ndarray, paths: np.ndarray, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return residuals (keypoint, frame, view, 2) in px, and their derivatives (..., 2, 3); NaN where undefined.
+
+    Args:
+        cameras: the camera array.
+        paths: shape (keypoint, frame, 3).
+        pixels: shape (keypoint, frame, view, 2), NaN where missing.
+    """
+    keypoints, frames, views, _ = pixels.shape
+    blocks = -(-frames // BLOCK)
+    linear = np.empty((keypoints, blocks, views, LINEAR_ROWS * BLOCK))
+    linearize_paths(cameras, paths, pixels, linear)
+    rows = linear.reshape(keypoints, blocks, views, LINEAR_ROWS, BLOCK).transpose(0, 1, 4, 2, 3)
+    rows = rows.reshape(keypoints, blocks * BLOCK, views, LINEAR_ROWS)[:, :frames]
+    residuals = np.ascontiguousarray(rows[..., :2])
+    jacobians = rows[..., 2:].reshape(keypoints, frames, views, 2, 3)
+    return residuals, np.where(np.isnan(residuals[..., :1, None]), np.nan, jacobians)

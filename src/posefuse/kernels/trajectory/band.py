@@ -1,192 +1,276 @@
 """Banded systems that couple each frame with its three neighbors: the paths of keypoints over time.
 
-The matrix of a path is symmetric with 3x3 blocks: ``band[f, m]`` couples frames ``f`` and ``f - m``. It is factored as
-``U D U^T`` with ``U`` unit lower triangular of the same bandwidth. The blocks of the inverse within the band follow
-from the factor alone, last frame first (K. Takahashi et al. 1973; Erisman & Tinney, "On computing certain elements of
-the inverse of a sparse matrix", Communications of the ACM 18, 1975).
-"""
+The matrix of a path is symmetric with 3x3 blocks. Those on the diagonal are arbitrary; frames ``f`` and ``f - m`` are
+coupled by a multiple of the identity, because neither smoothness nor contact prefers a direction. The matrix is
+factored as ``U D U^T`` with ``U`` unit lower triangular of the same bandwidth.
 
-import math
+Frames follow from each other, so several keypoints are processed at once: a tile of ``LANES`` keypoints, whose numbers
+have the lane as the last axis. Factors and vectors of a tile begin and end with ``REACH`` frames of zeros.
+"""
 
 import numpy as np
 
-from posefuse.kernels.jit import inline, kernel, vectorized
+from posefuse.kernels.cameras.observation_rows import BLOCK
+from posefuse.kernels.jit import disjoint, inline, kernel, subroutine
 
 REACH = 3
 """Number of earlier frames with which a frame is coupled."""
+
+LANES = 8
+
+# Rows of a factor: the blocks of U that couple a frame with the one before and the second before, 3x3 each, that with
+# the third before, which is symmetric, and the inverse of the block of D, which is too.
+SECOND = 9
+THIRD = 18
+INVERSE = 24
+FACTOR_ROWS = 30
 
 _MIN_PIVOT = 1e-13
 
 
 @inline
-def subtract_product(left, right, out):
-    """Compute ``out -= left right^T``, 3x3 each."""
-    for i in range(3):
-        for j in range(3):
-            out[i, j] -= left[i, 0] * right[j, 0] + left[i, 1] * right[j, 1] + left[i, 2] * right[j, 2]
+def times_transposed(a0, a1, a2, matrix, n):
+    """Return the row vector ``a`` times the transposed 3x3 matrix of a lane that starts at ``n``."""
+    return (
+        a0 * matrix[n] + a1 * matrix[n + LANES] + a2 * matrix[n + 2 * LANES],
+        a0 * matrix[n + 3 * LANES] + a1 * matrix[n + 4 * LANES] + a2 * matrix[n + 5 * LANES],
+        a0 * matrix[n + 6 * LANES] + a1 * matrix[n + 7 * LANES] + a2 * matrix[n + 8 * LANES],
+    )
 
 
-@vectorized
-def invert_3(matrix, out):
-    """Invert a symmetric positive definite 3x3 matrix; return the logarithm of its determinant.
+@inline
+def times_matrix(a0, a1, a2, matrix, n):
+    """Return the row vector ``a`` times the 3x3 matrix of a lane that starts at ``n``."""
+    return (
+        a0 * matrix[n] + a1 * matrix[n + 3 * LANES] + a2 * matrix[n + 6 * LANES],
+        a0 * matrix[n + LANES] + a1 * matrix[n + 4 * LANES] + a2 * matrix[n + 7 * LANES],
+        a0 * matrix[n + 2 * LANES] + a1 * matrix[n + 5 * LANES] + a2 * matrix[n + 8 * LANES],
+    )
+
+
+@inline
+def times_symmetric(a0, a1, a2, matrix, n):
+    """Return the vector ``a`` times the symmetric matrix of a lane that starts at ``n``."""
+    xy = matrix[n + LANES]
+    xz = matrix[n + 2 * LANES]
+    yz = matrix[n + 4 * LANES]
+    return (
+        a0 * matrix[n] + a1 * xy + a2 * xz,
+        a0 * xy + a1 * matrix[n + 3 * LANES] + a2 * yz,
+        a0 * xz + a1 * yz + a2 * matrix[n + 5 * LANES],
+    )
+
+
+@inline
+def _column(factor, matrix, n):
+    """Return a multiple of the column of a 3x3 matrix of a lane that starts at ``n``."""
+    return factor * matrix[n], factor * matrix[n + 3 * LANES], factor * matrix[n + 6 * LANES]
+
+
+@inline
+def _dot(a0, a1, a2, b0, b1, b2):
+    """Return the inner product of two vectors."""
+    return a0 * b0 + a1 * b1 + a2 * b2
+
+
+@inline
+def store(a0, a1, a2, n, out):
+    """Write three numbers of a lane from ``n`` on."""
+    out[n] = a0
+    out[n + LANES] = a1
+    out[n + 2 * LANES] = a2
+
+
+@inline
+def _invert(xx, xy, xz, yy, yz, zz, j, out):
+    """Write the inverse of a symmetric positive definite matrix to the last rows of a factor.
 
     Pivots lost to rounding are replaced by a tiny fraction of the trace, so that undetermined directions stay finite.
     """
-    min_pivot = _MIN_PIVOT * (matrix[0, 0] + matrix[1, 1] + matrix[2, 2]) + 1e-300
-    d0 = max(matrix[0, 0], min_pivot)
-    l1 = matrix[1, 0] / d0
-    l2 = matrix[2, 0] / d0
-    d1 = max(matrix[1, 1] - l1 * matrix[1, 0], min_pivot)
-    e = matrix[2, 1] - l1 * matrix[2, 0]
-    l3 = e / d1
-    d2 = max(matrix[2, 2] - l2 * matrix[2, 0] - l3 * e, min_pivot)
-    w0 = 1.0 / d0
-    w1 = 1.0 / d1
-    w2 = 1.0 / d2
+    min_pivot = _MIN_PIVOT * (xx + yy + zz) + 1e-300
+    w0 = 1.0 / max(xx, min_pivot)
+    l1 = xy * w0
+    l2 = xz * w0
+    w1 = 1.0 / max(yy - l1 * xy, min_pivot)
+    e = yz - l1 * xz
+    l3 = e * w1
+    w2 = 1.0 / max(zz - l2 * xz - l3 * e, min_pivot)
     m = l1 * l3 - l2
-    out[0, 0] = w0 + l1 * l1 * w1 + m * m * w2
-    out[0, 1] = out[1, 0] = -l1 * w1 - m * l3 * w2
-    out[0, 2] = out[2, 0] = m * w2
-    out[1, 1] = w1 + l3 * l3 * w2
-    out[1, 2] = out[2, 1] = -l3 * w2
-    out[2, 2] = w2
-    return math.log(d0) + math.log(d1) + math.log(d2)
+    store(w0 + l1 * l1 * w1 + m * m * w2, -l1 * w1 - m * l3 * w2, m * w2, INVERSE * LANES + j, out)
+    store(w1 + l3 * l3 * w2, -l3 * w2, w2, (INVERSE + 3) * LANES + j, out)
 
 
-@vectorized
-def factor_path(band, lower, inverse, scratch):
-    """Factor the matrix of one path; return the logarithm of its determinant.
+@disjoint
+def _factor_frame(own, first, second, third, out):
+    """Factor one frame of a tile.
 
     Args:
-        band: shape (frame, REACH + 1, 3, 3).
-        lower: shape (frame, REACH, 3, 3), written: ``U``, the block of frames ``f`` and ``f - m`` at ``[f, m - 1]``.
-        inverse: shape (frame, 3, 3), written: inverses of the blocks of ``D``.
-        scratch: shape (REACH + 2, 3, 3).
+        own: shape (9 * LANES,): the diagonal block, and the couplings with the three frames before.
+        first: shape (FACTOR_ROWS * LANES,): factor of the frame before.
+        second: of the second frame before.
+        third: of the third frame before.
+        out: written.
     """
-    total = 0.0
-    for f in range(band.shape[0]):
-        n_earlier = min(REACH, f)
-        for m in range(n_earlier, 0, -1):
-            x = scratch[m]
-            for i in range(3):
-                for j in range(3):
-                    x[i, j] = band[f, m, i, j]
-            for n in range(m + 1, n_earlier + 1):
-                subtract_product(scratch[n], lower[f - m, n - m - 1], x)
-        pivot = scratch[0]
-        for i in range(3):
-            for j in range(3):
-                pivot[i, j] = band[f, 0, i, j]
-        for m in range(1, n_earlier + 1):
-            u = lower[f, m - 1]
-            x = scratch[m]
-            d = inverse[f - m]
-            for i in range(3):
-                for j in range(3):
-                    u[i, j] = x[i, 0] * d[0, j] + x[i, 1] * d[1, j] + x[i, 2] * d[2, j]
-            subtract_product(x, u, pivot)
-        total += invert_3(pivot, inverse[f])
-    return total
+    for j in range(LANES):
+        c1, c2, c3 = own[6 * LANES + j], own[7 * LANES + j], own[8 * LANES + j]
+        # The rows y and x are those of U D, of the blocks that couple the frame with the second and the one before.
+        y00, y01, y02 = _column(-c3, second, 0 * LANES + j)
+        y10, y11, y12 = _column(-c3, second, 1 * LANES + j)
+        y20, y21, y22 = _column(-c3, second, 2 * LANES + j)
+        y00, y11, y22 = y00 + c2, y11 + c2, y22 + c2
+        p0, p1, p2 = times_transposed(y00, y01, y02, first, 0 * LANES + j)
+        q0, q1, q2 = _column(-c3, first, SECOND * LANES + j)
+        x00, x01, x02 = c1 + q0 - p0, q1 - p1, q2 - p2
+        p0, p1, p2 = times_transposed(y10, y11, y12, first, 0 * LANES + j)
+        q0, q1, q2 = _column(-c3, first, (SECOND + 1) * LANES + j)
+        x10, x11, x12 = q0 - p0, c1 + q1 - p1, q2 - p2
+        p0, p1, p2 = times_transposed(y20, y21, y22, first, 0 * LANES + j)
+        q0, q1, q2 = _column(-c3, first, (SECOND + 2) * LANES + j)
+        x20, x21, x22 = q0 - p0, q1 - p1, c1 + q2 - p2
+        a0, a1, a2 = times_symmetric(x00, x01, x02, first, INVERSE * LANES + j)
+        xx = own[j] - _dot(x00, x01, x02, a0, a1, a2)
+        xy = own[LANES + j] - _dot(x10, x11, x12, a0, a1, a2)
+        xz = own[2 * LANES + j] - _dot(x20, x21, x22, a0, a1, a2)
+        store(a0, a1, a2, 0 * LANES + j, out)
+        a0, a1, a2 = times_symmetric(x10, x11, x12, first, INVERSE * LANES + j)
+        yy = own[3 * LANES + j] - _dot(x10, x11, x12, a0, a1, a2)
+        yz = own[4 * LANES + j] - _dot(x20, x21, x22, a0, a1, a2)
+        store(a0, a1, a2, 3 * LANES + j, out)
+        a0, a1, a2 = times_symmetric(x20, x21, x22, first, INVERSE * LANES + j)
+        zz = own[5 * LANES + j] - _dot(x20, x21, x22, a0, a1, a2)
+        store(a0, a1, a2, 6 * LANES + j, out)
+        a0, a1, a2 = times_symmetric(y00, y01, y02, second, INVERSE * LANES + j)
+        xx -= _dot(y00, y01, y02, a0, a1, a2)
+        xy -= _dot(y10, y11, y12, a0, a1, a2)
+        xz -= _dot(y20, y21, y22, a0, a1, a2)
+        store(a0, a1, a2, SECOND * LANES + j, out)
+        a0, a1, a2 = times_symmetric(y10, y11, y12, second, INVERSE * LANES + j)
+        yy -= _dot(y10, y11, y12, a0, a1, a2)
+        yz -= _dot(y20, y21, y22, a0, a1, a2)
+        store(a0, a1, a2, (SECOND + 3) * LANES + j, out)
+        a0, a1, a2 = times_symmetric(y20, y21, y22, second, INVERSE * LANES + j)
+        zz -= _dot(y20, y21, y22, a0, a1, a2)
+        store(a0, a1, a2, (SECOND + 6) * LANES + j, out)
+        third_row = INVERSE * LANES + j
+        a0, a1, a2 = c3 * third[third_row], c3 * third[third_row + LANES], c3 * third[third_row + 2 * LANES]
+        store(a0, a1, a2, THIRD * LANES + j, out)
+        xx, xy, xz = xx - c3 * a0, xy - c3 * a1, xz - c3 * a2
+        third_row = (INVERSE + 3) * LANES + j
+        a0, a1, a2 = c3 * third[third_row], c3 * third[third_row + LANES], c3 * third[third_row + 2 * LANES]
+        store(a0, a1, a2, (THIRD + 3) * LANES + j, out)
+        _invert(xx, xy, xz, yy - c3 * a0, yz - c3 * a1, zz - c3 * a2, j, out)
 
 
-@vectorized
-def solve_path(lower, inverse, vector):
-    """Solve ``U D U^T x = vector``, shape (frame, 3), in place."""
-    frames = vector.shape[0]
-    for f in range(frames):
-        for m in range(1, min(REACH, f) + 1):
-            u = lower[f, m - 1]
-            y = vector[f - m]
-            for i in range(3):
-                vector[f, i] -= u[i, 0] * y[0] + u[i, 1] * y[1] + u[i, 2] * y[2]
-    for f in range(frames - 1, -1, -1):
-        x = vector[f, 0]
-        y = vector[f, 1]
-        z = vector[f, 2]
-        d = inverse[f]
-        for i in range(3):
-            vector[f, i] = d[i, 0] * x + d[i, 1] * y + d[i, 2] * z
-        for m in range(1, min(REACH, frames - 1 - f) + 1):
-            u = lower[f + m, m - 1]
-            y = vector[f + m]
-            for i in range(3):
-                vector[f, i] -= u[0, i] * y[0] + u[1, i] * y[1] + u[2, i] * y[2]
+@disjoint
+def _forward_frame(factor, first, second, third, vector):
+    """Solve with ``U`` for one frame of a tile, given the solutions of the three frames before, shape (3 * LANES,)."""
+    for j in range(LANES):
+        x = first[j]
+        y = first[LANES + j]
+        z = first[2 * LANES + j]
+        a0, a1, a2 = times_transposed(x, y, z, factor, 0 * LANES + j)
+        x = second[j]
+        y = second[LANES + j]
+        z = second[2 * LANES + j]
+        b0, b1, b2 = times_transposed(x, y, z, factor, SECOND * LANES + j)
+        x = third[j]
+        y = third[LANES + j]
+        z = third[2 * LANES + j]
+        c0, c1, c2 = times_symmetric(x, y, z, factor, THIRD * LANES + j)
+        vector[j] -= a0 + b0 + c0
+        vector[LANES + j] -= a1 + b1 + c1
+        vector[2 * LANES + j] -= a2 + b2 + c2
+
+
+@disjoint
+def _backward_frame(factors, first, second, third, vector):
+    """Solve with ``D U^T`` for one frame of a tile, given the solutions of the three frames after.
+
+    Args:
+        factors: shape (REACH + 1, FACTOR_ROWS * LANES): of the frame and of the three after.
+        first: shape (3 * LANES,): solution of the frame after.
+        second: of the second frame after.
+        third: of the third frame after.
+        vector: in and out.
+    """
+    own = factors[0]
+    factor_1 = factors[1]
+    factor_2 = factors[2]
+    factor_3 = factors[3]
+    for j in range(LANES):
+        d0, d1, d2 = times_symmetric(vector[j], vector[LANES + j], vector[2 * LANES + j], own, INVERSE * LANES + j)
+        a0, a1, a2 = times_matrix(first[j], first[LANES + j], first[2 * LANES + j], factor_1, 0 * LANES + j)
+        b0, b1, b2 = times_matrix(second[j], second[LANES + j], second[2 * LANES + j], factor_2, SECOND * LANES + j)
+        c0, c1, c2 = times_symmetric(third[j], third[LANES + j], third[2 * LANES + j], factor_3, THIRD * LANES + j)
+        vector[j] = d0 - a0 - b0 - c0
+        vector[LANES + j] = d1 - a1 - b1 - c1
+        vector[2 * LANES + j] = d2 - a2 - b2 - c2
+
+
+@subroutine
+def solve_tile(factor, vector):
+    """Solve ``U D U^T x = vector`` of one tile in place, shape (REACH + frame + REACH, 3 * LANES)."""
+    end = vector.shape[0] - REACH
+    for f in range(REACH, end):
+        _forward_frame(factor[f], vector[f - 1], vector[f - 2], vector[f - 3], vector[f])
+    for f in range(end - 1, REACH - 1, -1):
+        _backward_frame(factor[f : f + REACH + 1], vector[f + 1], vector[f + 2], vector[f + 3], vector[f])
 
 
 @inline
-def _subtract_matrix_product(left, right, out):
-    """Compute ``out -= left right``, 3x3 each."""
-    for i in range(3):
-        for j in range(3):
-            out[i, j] -= left[i, 0] * right[0, j] + left[i, 1] * right[1, j] + left[i, 2] * right[2, j]
+def gather_vector(vectors, keypoints, frames, vector):
+    """Copy the vectors of the keypoints of a tile, shape (keypoint, block, 3 * BLOCK), to it; other lanes are 0."""
+    for j in range(LANES):
+        own = vectors[max(keypoints[j], 0)]
+        for f in range(frames):
+            for i in range(3):
+                value = own[f // BLOCK, i * BLOCK + f % BLOCK]
+                vector[REACH + f, i * LANES + j] = value if keypoints[j] >= 0 else 0.0
 
 
 @inline
-def _subtract_transposed_product(left, right, out):
-    """Compute ``out -= left^T right``, 3x3 each."""
-    for i in range(3):
-        for j in range(3):
-            out[i, j] -= left[0, i] * right[0, j] + left[1, i] * right[1, j] + left[2, i] * right[2, j]
+def scatter_vector(vector, keypoints, frames, vectors):
+    """Copy a tile to the vectors of its keypoints, shape (keypoint, block, 3 * BLOCK)."""
+    for j in range(LANES):
+        if keypoints[j] >= 0:
+            own = vectors[keypoints[j]]
+            for f in range(frames):
+                for i in range(3):
+                    own[f // BLOCK, i * BLOCK + f % BLOCK] = vector[REACH + f, i * LANES + j]
 
 
-@vectorized
-def _fill_later_blocks(lower, covariance, f, n_later):
-    """Write the blocks of the inverse that couple frame ``f`` with later frames."""
-    for m in range(1, n_later + 1):
-        z = covariance[f + m, m]
-        for i in range(3):
-            for j in range(3):
-                z[i, j] = 0.0
-        for n in range(1, n_later + 1):
-            # The block of frames f + m and f + n is stored with the later one.
-            if m >= n:
-                _subtract_matrix_product(covariance[f + m, m - n], lower[f + n, n - 1], z)
-            else:
-                _subtract_transposed_product(covariance[f + n, n - m], lower[f + n, n - 1], z)
+@inline
+def _gather_matrix(diagonal, coupling, keypoints, f, own):
+    """Copy the matrix of a frame of the keypoints of a tile; the other lanes stay unchanged."""
+    for j in range(LANES):
+        k = keypoints[j]
+        if k >= 0:
+            for i in range(6):
+                own[i * LANES + j] = diagonal[k, f // BLOCK, i * BLOCK + f % BLOCK]
+            for m in range(REACH):
+                own[(6 + m) * LANES + j] = coupling[k, f // BLOCK, m * BLOCK + f % BLOCK]
 
 
-@vectorized
-def invert_path(lower, inverse, covariance):
-    """Compute the inverse within the band, in the layout of the band.
+@kernel
+def factor_paths(diagonal, coupling, tiles, factor):
+    """Factor the matrices of all paths.
 
     Args:
-        lower: from :func:`factor_path`.
-        inverse: from :func:`factor_path`.
-        covariance: shape (frame, REACH + 1, 3, 3), written: the block of frames ``f`` and ``f - m`` at ``[f, m]``.
+        diagonal: shape (keypoint, block, 6 * BLOCK): see :mod:`posefuse.kernels.trajectory.blocks`.
+        coupling: shape (keypoint, block, REACH * BLOCK): of each frame with the three before, 0 where there is none.
+        tiles: shape (tile, LANES), int64: keypoints; -1 where a lane is not used.
+        factor: shape (tile, REACH + frame + REACH, FACTOR_ROWS * LANES), written.
     """
-    frames = covariance.shape[0]
-    for f in range(frames - 1, -1, -1):
-        n_later = min(REACH, frames - 1 - f)
-        _fill_later_blocks(lower, covariance, f, n_later)
-        own = covariance[f, 0]
-        for i in range(3):
-            for j in range(3):
-                own[i, j] = inverse[f, i, j]
-        for m in range(1, n_later + 1):
-            _subtract_transposed_product(covariance[f + m, m], lower[f + m, m - 1], own)
-        # Symmetrize: asymmetry from rounding would grow from frame to frame.
-        for i in range(3):
-            for j in range(i):
-                own[i, j] = own[j, i] = 0.5 * (own[i, j] + own[j, i])
-
-
-@kernel
-def factor_paths(band, lower, inverse, log_determinants):
-    """Factor the matrices of all paths; the first axis is the keypoint, the others follow :func:`factor_path`."""
-    scratch = np.empty((REACH + 2, 3, 3))
-    for k in range(band.shape[0]):
-        log_determinants[k] = factor_path(band[k], lower[k], inverse[k], scratch)
-
-
-@kernel
-def solve_paths(lower, inverse, vectors):
-    """Solve every path separately, vectors of shape (keypoint, frame, 3), in place."""
-    for k in range(vectors.shape[0]):
-        solve_path(lower[k], inverse[k], vectors[k])
-
-
-@kernel
-def invert_paths(lower, inverse, covariance):
-    """Write the inverse within the band of every path, shape (keypoint, frame, REACH + 1, 3, 3)."""
-    for k in range(covariance.shape[0]):
-        invert_path(lower[k], inverse[k], covariance[k])
+    own = np.empty(9 * LANES)
+    end = factor.shape[1] - REACH
+    for t in range(tiles.shape[0]):
+        for j in range(LANES):
+            for i in range(9):
+                own[i * LANES + j] = 1.0 if i == 0 or i == 3 or i == 5 else 0.0
+        for f in range(REACH):
+            for i in range(FACTOR_ROWS * LANES):
+                factor[t, f, i] = 0.0
+                factor[t, end + f, i] = 0.0
+        for f in range(REACH, end):
+            _gather_matrix(diagonal, coupling, tiles[t], f - REACH, own)
+            _factor_frame(own, factor[t, f - 1], factor[t, f - 2], factor[t, f - 3], factor[t, f])

@@ -1,7 +1,8 @@
-"""Bones in the trajectory system: their terms, the information they transfer, and the solve with bones.
+"""Bones in the trajectory system: their terms, and the information they transfer.
 
-Bones couple two keypoints. They are stored separately from the band, as one direction and one stiffness per bone and
-frame. The first axis of the other arrays is the keypoint, the second the frame.
+Bones couple two keypoints. They are stored separately from the matrices of the paths, as one direction and one
+stiffness per bone and frame. Arrays of numbers per keypoint or bone and frame are in blocks, see
+:mod:`posefuse.kernels.trajectory.blocks`.
 """
 
 import math
@@ -9,63 +10,137 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from posefuse.kernels.jit import kernel, vectorized
-from posefuse.kernels.trajectory.band import invert_3, solve_path
+from posefuse.kernels.cameras.observation_rows import BLOCK
+from posefuse.kernels.jit import inline, kernel
 
 _RELATIVE_RIDGE = 1e-7
 """Unobserved directions of a point get this fraction of its information."""
 
+_MIN_PIVOT = 1e-13
+
+
+class BonePrior(NamedTuple):
+    """Lengths of bones.
+
+    Attributes:
+        bones: shape (bone, 2), int64: keypoints.
+        lengths: shape (bone,); 0 where unknown.
+        stiffness: shape (bone,): inverse variance of the length of a bone near its length; 0 without an effect.
+        reach_squared: shape (bone,): squared length error at which a bone holds a quarter as tightly.
+    """
+
+    bones: Any
+    lengths: Any
+    stiffness: Any
+    reach_squared: Any
+
+
+class BoneTerms(NamedTuple):
+    """Coupling of keypoints by bones.
+
+    Attributes:
+        directions: shape (bone, block, 3 * BLOCK): unit vectors from the second end to the first.
+        stiffness: shape (bone, block, BLOCK): inverse variance of the length; 0 where the bone is absent.
+        across: shape (bone, block, BLOCK): stiffness against the rotation of the bone, at most that of the length.
+        information: shape (keypoint, block, 6 * BLOCK): stands in for the bones on the diagonal of the matrices.
+    """
+
+    directions: Any
+    stiffness: Any
+    across: Any
+    information: Any
+
 
 @kernel
-def bone_directions(bones, lengths, paths, directions, length_error):
-    """Compute the directions of bones, from the second end to the first, and the errors of their lengths.
+def add_bones(prior, alive, paths, terms, rhs):
+    """Write the directions and the stiffness of bones, and add the negative gradient of their length errors.
+
+    A bone far from its length is down-weighted (Geman and McClure). The second derivative of the squared error across a
+    bone is its stiffness times the relative excess of its length. Gauss-Newton steps, which leave it out, overshoot
+    where a bone is shorter than the errors of its ends, such as those of a face, and alternate between two solutions.
+    Bones that are too short would have a negative one, with which the system might not be positive definite.
 
     Args:
-        bones: shape (bone, 2), int64: keypoints.
-        lengths: shape (bone,).
+        prior: BonePrior.
+        alive: shape (keypoint, frame), bool: where paths are defined.
         paths: shape (keypoint, frame, 3).
-        directions: shape (bone, frame, 3), written.
-        length_error: shape (bone, frame), written: current minus nominal length.
+        terms: BoneTerms; all but the information are written.
+        rhs: shape (keypoint, block, 3 * BLOCK), added to.
     """
-    for b in range(bones.shape[0]):
-        first_end = paths[bones[b, 0]]
-        second_end = paths[bones[b, 1]]
-        for f in range(paths.shape[1]):
-            x = first_end[f, 0] - second_end[f, 0]
-            y = first_end[f, 1] - second_end[f, 1]
-            z = first_end[f, 2] - second_end[f, 2]
-            length = math.sqrt(x * x + y * y + z * z)
-            scale = 1.0 / length if length > 0.0 else 0.0
-            directions[b, f, 0] = scale * x
-            directions[b, f, 1] = scale * y
-            directions[b, f, 2] = scale * z
-            length_error[b, f] = length - lengths[b]
+    bones, lengths, full_stiffness, reach_squared = prior
+    directions, stiffness = terms.directions, terms.stiffness
+    frames = paths.shape[1]
+    pull = np.empty(BLOCK)
+    for n in range(bones.shape[0]):
+        one = bones[n, 0]
+        other = bones[n, 1]
+        for b in range(directions.shape[1]):
+            for j in range(BLOCK):
+                f = min(b * BLOCK + j, frames - 1)
+                x = paths[one, f, 0] - paths[other, f, 0]
+                y = paths[one, f, 1] - paths[other, f, 1]
+                z = paths[one, f, 2] - paths[other, f, 2]
+                length = math.sqrt(x * x + y * y + z * z)
+                scale = 1.0 / length if length > 0.0 else 0.0
+                error = length - lengths[n]
+                relative = error * error / reach_squared[n]
+                weight = 1.0 / (1.0 + (relative if relative == relative else 0.0))
+                present = alive[one, f] and alive[other, f] and f == b * BLOCK + j
+                w = full_stiffness[n] * weight * weight if present else 0.0
+                stiffness[n, b, j] = w
+                terms.across[n, b, j] = w * error * scale if error > 0.0 else 0.0
+                pull[j] = w * error if w > 0.0 else 0.0
+                directions[n, b, j] = scale * x
+                directions[n, b, BLOCK + j] = scale * y
+                directions[n, b, 2 * BLOCK + j] = scale * z
+            for i in range(3):
+                for j in range(BLOCK):
+                    step = pull[j] * directions[n, b, i * BLOCK + j]
+                    rhs[one, b, i * BLOCK + j] -= step
+                    rhs[other, b, i * BLOCK + j] += step
 
 
-@vectorized
-def _add_message(information, direction, bone_stiffness, scratch, out):
-    """Add the information a bone transfers from its far end: along the bone, reduced by its length variance."""
-    trace = information[0, 0] + information[1, 1] + information[2, 2]
-    if not (trace > 0.0 and bone_stiffness > 0.0):
-        return
-    for i in range(3):
-        for j in range(3):
-            scratch[0, i, j] = information[i, j]
-        scratch[0, i, i] += _RELATIVE_RIDGE * trace
-    invert_3(scratch[0], scratch[1])
-    variance = 1.0 / bone_stiffness
-    for i in range(3):
-        for j in range(3):
-            variance += direction[i] * scratch[1, i, j] * direction[j]
-    for i in range(3):
-        for j in range(3):
-            out[i, j] += direction[i] * direction[j] / variance
+@inline
+def _message(total, direction, stiffness, out):
+    """Compute the information a bone transfers from its far end: along the bone, reduced by its length variance.
+
+    Args:
+        total: shape (6, BLOCK): information at the far end.
+        direction: shape (3 * BLOCK,).
+        stiffness: shape (BLOCK,).
+        out: shape (6, BLOCK), written.
+    """
+    for j in range(BLOCK):
+        trace = total[0, j] + total[3, j] + total[5, j]
+        ridge = _RELATIVE_RIDGE * trace
+        xx = total[0, j] + ridge
+        yy = total[3, j] + ridge
+        zz = total[5, j] + ridge
+        min_pivot = _MIN_PIVOT * (xx + yy + zz) + 1e-300
+        d0 = max(xx, min_pivot)
+        l1 = total[1, j] / d0
+        l2 = total[2, j] / d0
+        d1 = max(yy - l1 * total[1, j], min_pivot)
+        e = total[4, j] - l1 * total[2, j]
+        l3 = e / d1
+        d2 = max(zz - l2 * total[2, j] - l3 * e, min_pivot)
+        x = direction[j]
+        y = direction[BLOCK + j]
+        z = direction[2 * BLOCK + j]
+        y1 = y - l1 * x
+        y2 = z - l2 * x - l3 * y1
+        variance = 1.0 / stiffness[j] + x * x / d0 + y1 * y1 / d1 + y2 * y2 / d2
+        gain = 1.0 / variance if (trace > 0.0) & (stiffness[j] > 0.0) else 0.0
+        out[0, j] = gain * x * x
+        out[1, j] = gain * x * y
+        out[2, j] = gain * x * z
+        out[3, j] = gain * y * y
+        out[4, j] = gain * y * z
+        out[5, j] = gain * z * z
 
 
 @kernel
-def propagate_bone_information(
-    bones, tree_order, directions, bone_stiffness, information, bone_information, inward_messages
-):
+def propagate_bone_information(bones, tree_order, information, terms):
     """Propagate information along bones, frame by frame, from everything beyond them to each keypoint.
 
     Two sweeps over a forest of bones, exact for a single frame (J. Pearl, "Reverend Bayes on inference engines", 1982):
@@ -75,276 +150,33 @@ def propagate_bone_information(
         bones: shape (bone, 2), int64: keypoints.
         tree_order: shape (tree bone, 2), int64: bones of the forest, those nearest to a root first, and which of their
             ends, 0 or 1, is the outer one.
-        directions: shape (bone, frame, 3).
-        bone_stiffness: shape (bone, frame): inverse variance of the length of the bone in a frame; 0 where it is
-            absent.
-        information: shape (keypoint, frame, 3, 3): information of each frame.
-        bone_information: shape (keypoint, frame, 3, 3), written: information added by bones.
-        inward_messages: shape (tree bone, 3, 3), scratch.
+        information: shape (keypoint, block, 6 * BLOCK): of each frame.
+        terms: BoneTerms; the information added by bones is written.
     """
-    scratch = np.empty((2, 3, 3))
-    total = np.empty((3, 3))
-    bone_information[:] = 0.0
-    for f in range(information.shape[1]):
-        for n in range(tree_order.shape[0] - 1, -1, -1):
-            b = tree_order[n, 0]
-            outer = bones[b, tree_order[n, 1]]
-            inner = bones[b, 1 - tree_order[n, 1]]
-            for i in range(3):
-                for j in range(3):
-                    total[i, j] = information[outer, f, i, j] + bone_information[outer, f, i, j]
-                    inward_messages[n, i, j] = 0.0
-            _add_message(total, directions[b, f], bone_stiffness[b, f], scratch, inward_messages[n])
-            for i in range(3):
-                for j in range(3):
-                    bone_information[inner, f, i, j] += inward_messages[n, i, j]
-        for n in range(tree_order.shape[0]):
-            b = tree_order[n, 0]
-            outer = bones[b, tree_order[n, 1]]
-            inner = bones[b, 1 - tree_order[n, 1]]
-            for i in range(3):
-                for j in range(3):
+    directions, stiffness, _, bone_information = terms
+    inward = np.empty((tree_order.shape[0], 6, BLOCK))
+    total = np.empty((6, BLOCK))
+    outward = np.empty((6, BLOCK))
+    for b in range(information.shape[1]):
+        for k in range(information.shape[0]):
+            for i in range(6 * BLOCK):
+                bone_information[k, b, i] = 0.0
+        for step in range(2 * tree_order.shape[0]):
+            towards_root = step < tree_order.shape[0]
+            n = tree_order.shape[0] - 1 - step if towards_root else step - tree_order.shape[0]
+            bone = tree_order[n, 0]
+            outer = bones[bone, tree_order[n, 1]]
+            inner = bones[bone, 1 - tree_order[n, 1]]
+            origin = outer if towards_root else inner
+            target = inner if towards_root else outer
+            for i in range(6):
+                for j in range(BLOCK):
+                    known = 0.0 if towards_root else inward[n, i, j]
                     total[i, j] = (
-                        information[inner, f, i, j] + bone_information[inner, f, i, j] - inward_messages[n, i, j]
+                        information[origin, b, i * BLOCK + j] + bone_information[origin, b, i * BLOCK + j] - known
                     )
-            _add_message(total, directions[b, f], bone_stiffness[b, f], scratch, bone_information[outer, f])
-
-
-@kernel
-def add_to_diagonal(information, band):
-    """Add information of single frames, shape (keypoint, frame, 3, 3), to the bands."""
-    for k in range(band.shape[0]):
-        for f in range(band.shape[1]):
-            for i in range(3):
-                for j in range(3):
-                    band[k, f, 0, i, j] += information[k, f, i, j]
-
-
-@vectorized
-def _multiply_bones(bone_terms, first_bone, end_bone, vectors, out):
-    """Add the product of the terms of some bones with vectors: the ends are coupled along the direction of the bone."""
-    for n in range(first_bone, end_bone):
-        b = bone_terms.components.bones[n]
-        one = vectors[bone_terms.bones[b, 0]]
-        other = vectors[bone_terms.bones[b, 1]]
-        one_out = out[bone_terms.bones[b, 0]]
-        other_out = out[bone_terms.bones[b, 1]]
-        for f in range(vectors.shape[1]):
-            w = bone_terms.stiffness[b, f]
-            x = bone_terms.directions[b, f, 0]
-            y = bone_terms.directions[b, f, 1]
-            z = bone_terms.directions[b, f, 2]
-            w *= x * (one[f, 0] - other[f, 0]) + y * (one[f, 1] - other[f, 1]) + z * (one[f, 2] - other[f, 2])
-            one_out[f, 0] += w * x
-            one_out[f, 1] += w * y
-            one_out[f, 2] += w * z
-            other_out[f, 0] -= w * x
-            other_out[f, 1] -= w * y
-            other_out[f, 2] -= w * z
-
-
-@vectorized
-def _subtract_information(information, vector, of_band, out):
-    """Compute ``out = of_band - information vector`` of one path, shape (frame, 3)."""
-    for f in range(vector.shape[0]):
-        for i in range(3):
-            out[f, i] = of_band[f, i] - (
-                information[f, i, 0] * vector[f, 0]
-                + information[f, i, 1] * vector[f, 1]
-                + information[f, i, 2] * vector[f, 2]
-            )
-
-
-@vectorized
-def _combine(first_factor, first, second_factor, second):
-    """Compute ``second = first_factor first + second_factor second``, shape (frame, 3)."""
-    for f in range(first.shape[0]):
-        for i in range(3):
-            second[f, i] = first_factor * first[f, i] + second_factor * second[f, i]
-
-
-@vectorized
-def _fill(value, out):
-    """Set all elements to a value; a slice assignment does the same but takes seconds to compile."""
-    for f in range(out.shape[0]):
-        for i in range(3):
-            out[f, i] = value
-
-
-@vectorized
-def _inner(first, second):
-    """Return the inner product of two arrays of shape (frame, 3)."""
-    total = 0.0
-    for f in range(first.shape[0]):
-        for i in range(3):
-            total += first[f, i] * second[f, i]
-    return total
-
-
-class Components(NamedTuple):
-    """Groups of keypoints that bones connect.
-
-    Attributes:
-        keypoints: keypoints of all groups, one group after the other.
-        bones: bones of all groups, one group after the other.
-        ends: shape (group, 2), int64: ends of the group's keypoints and of its bones in these.
-    """
-
-    keypoints: Any
-    bones: Any
-    ends: Any
-
-
-class BoneTerms(NamedTuple):
-    """Coupling of keypoints by bones.
-
-    Attributes:
-        components: Components.
-        bones: shape (bone, 2), int64: keypoints.
-        directions: shape (bone, frame, 3).
-        stiffness: shape (bone, frame): inverse variance of the length; 0 where the bone is absent.
-        information: shape (keypoint, frame, 3, 3): stands in for the bones on the diagonal of the band.
-    """
-
-    components: Any
-    bones: Any
-    directions: Any
-    stiffness: Any
-    information: Any
-
-
-class PathFactor(NamedTuple):
-    """Factors of the matrices of all paths: views, smoothness, and the bone information.
-
-    Attributes:
-        lower: from :func:`posefuse.kernels.trajectory.band.factor_paths`.
-        inverse: likewise.
-    """
-
-    lower: Any
-    inverse: Any
-
-
-class Stopping(NamedTuple):
-    """When conjugate gradients stop.
-
-    Attributes:
-        max_iterations: largest number of iterations.
-        tolerance: norm of the preconditioned residual, relative to that at the start.
-        negligible: the same norm per coordinate, in standard deviations of the paths.
-    """
-
-    max_iterations: Any
-    tolerance: Any
-    negligible: Any
-
-
-class _Vectors(NamedTuple):
-    """Vectors of conjugate gradients, each of shape (keypoint, frame, 3).
-
-    Attributes:
-        residual: right-hand side minus product of the matrix and the steps.
-        preconditioned: solution of the paths' matrices for the residual.
-        direction: search direction.
-        of_band: product of the paths' matrices and the search direction.
-        product: product of the whole matrix and the search direction.
-    """
-
-    residual: Any
-    preconditioned: Any
-    direction: Any
-    of_band: Any
-    product: Any
-
-
-@vectorized
-def _precondition(factor, keypoints, first, end, vectors):
-    """Solve the paths of some keypoints separately; return the squared norm of the preconditioned residual."""
-    total = 0.0
-    for n in range(first, end):
-        k = keypoints[n]
-        for f in range(vectors.residual.shape[1]):
-            for i in range(3):
-                vectors.preconditioned[k, f, i] = vectors.residual[k, f, i]
-        solve_path(factor.lower[k], factor.inverse[k], vectors.preconditioned[k])
-        total += _inner(vectors.residual[k], vectors.preconditioned[k])
-    return total
-
-
-@vectorized
-def _multiply_component(bone_terms, group, direction_weight, vectors):
-    """Update the search direction of a group of keypoints and its products; return its squared norm.
-
-    The paths' matrices times the preconditioned residual is the residual, so the product with the search direction
-    follows from the previous one without the matrices.
-    """
-    components = bone_terms.components
-    first, first_bone = (components.ends[group - 1, 0], components.ends[group - 1, 1]) if group > 0 else (0, 0)
-    for n in range(first, components.ends[group, 0]):
-        k = components.keypoints[n]
-        _combine(1.0, vectors.preconditioned[k], direction_weight, vectors.direction[k])
-        _combine(1.0, vectors.residual[k], direction_weight, vectors.of_band[k])
-        _subtract_information(bone_terms.information[k], vectors.direction[k], vectors.of_band[k], vectors.product[k])
-    _multiply_bones(bone_terms, first_bone, components.ends[group, 1], vectors.direction, vectors.product)
-    total = 0.0
-    for n in range(first, components.ends[group, 0]):
-        k = components.keypoints[n]
-        total += _inner(vectors.direction[k], vectors.product[k])
-    return total
-
-
-@kernel
-def solve_with_bones(factor, bone_terms, rhs, stopping, steps):
-    """Solve jointly for the paths of each group that bones connect, with preconditioned conjugate gradients.
-
-    The method is that of Hestenes & Stiefel 1952. The preconditioner solves every path separately, with the bone
-    information on its diagonal. Its norm is the squared step in standard deviations of the paths.
-
-    Args:
-        factor: PathFactor.
-        bone_terms: BoneTerms.
-        rhs: shape (keypoint, frame, 3): right-hand side on input, residual on output.
-        stopping: Stopping.
-        steps: shape (keypoint, frame, 3), written.
-
-    Returns:
-        Largest number of iterations of a group.
-    """
-    vectors = _Vectors(rhs, np.empty(rhs.shape), np.empty(rhs.shape), np.empty(rhs.shape), np.empty(rhs.shape))
-    keypoints, _, ends = bone_terms.components
-    most = 0
-    for group in range(ends.shape[0]):
-        first = ends[group - 1, 0] if group > 0 else 0
-        end = ends[group, 0]
-        for n in range(first, end):
-            k = keypoints[n]
-            _fill(0.0, vectors.direction[k])
-            _fill(0.0, vectors.of_band[k])
-            _fill(0.0, steps[k])
-        negligible = stopping.negligible * stopping.negligible * 3.0 * (end - first) * rhs.shape[1]
-        norm = previous = limit = 0.0
-        for iteration in range(stopping.max_iterations + 1):
-            previous, norm = norm, _precondition(factor, keypoints, first, end, vectors)
-            if iteration == 0:
-                limit = max(stopping.tolerance * stopping.tolerance * norm, negligible)
-            if iteration == stopping.max_iterations or (iteration > 0 and not norm > limit) or not norm > 0.0:
-                break
-            most = max(most, iteration + 1)
-            squared = _multiply_component(bone_terms, group, norm / previous if iteration > 0 else 0.0, vectors)
-            step_length = norm / squared
-            for n in range(first, end):
-                k = keypoints[n]
-                _combine(step_length, vectors.direction[k], 1.0, steps[k])
-                _combine(-step_length, vectors.product[k], 1.0, rhs[k])
-    return most
-
-
-@kernel
-def add_bone_gradient(bones, directions, bone_stiffness, length_error, rhs):
-    """Add the negative gradient of the length errors to both ends of each bone; shape (keypoint, frame, 3)."""
-    for b in range(bones.shape[0]):
-        for f in range(rhs.shape[1]):
-            for i in range(3):
-                step = bone_stiffness[b, f] * length_error[b, f] * directions[b, f, i]
-                rhs[bones[b, 0], f, i] -= step
-                rhs[bones[b, 1], f, i] += step
+            _message(total, directions[bone, b], stiffness[bone, b], outward)
+            for i in range(6):
+                for j in range(BLOCK):
+                    bone_information[target, b, i * BLOCK + j] += outward[i, j]
+                    inward[n, i, j] = outward[i, j]

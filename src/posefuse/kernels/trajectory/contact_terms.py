@@ -1,10 +1,11 @@
 """Terms of keypoints that rest on the ground in the trajectory system.
 
-The band has the layout of :mod:`posefuse.kernels.trajectory.band`; the first axis is the keypoint on the ground.
+The first axis is the keypoint on the ground.
 """
 
 from typing import Any, NamedTuple
 
+from posefuse.kernels.cameras.observation_rows import BLOCK
 from posefuse.kernels.jit import kernel
 
 
@@ -30,36 +31,41 @@ class ContactTerms(NamedTuple):
 
 
 @kernel
-def add_contact(contact, paths, band, rhs):
+def add_contact(contact, paths, system):
     """Add the terms that resting keypoints move with the ground and stay at its height.
 
     Args:
         contact: ContactTerms.
         paths: shape (keypoint, frame, 3).
-        band: shape (keypoint, frame, REACH + 1, 3, 3), added to.
-        rhs: shape (keypoint, frame, 3), added to: negative gradient.
+        system: PathSystem, added to.
     """
     keypoints, rest, steps, normal, heights, support = contact
+    diagonal, coupling, rhs, _ = system
     frames = paths.shape[1]
     for c in range(keypoints.shape[0]):
         k = keypoints[c]
-        for f in range(frames - 1):
-            w = rest[c, f]
+        for f in range(frames):
+            b = f // BLOCK
+            j = f % BLOCK
+            w = rest[c, f] if f < frames - 1 else 0.0
             if w > 0.0:
+                next_b = (f + 1) // BLOCK
+                next_j = (f + 1) % BLOCK
+                coupling[k, next_b, next_j] -= w
                 for i in range(3):
                     slip = paths[k, f + 1, i] - paths[k, f, i] - steps[f, i]
-                    rhs[k, f, i] += w * slip
-                    rhs[k, f + 1, i] -= w * slip
-                    band[k, f, 0, i, i] += w
-                    band[k, f + 1, 0, i, i] += w
-                    band[k, f + 1, 1, i, i] -= w
-        for f in range(frames):
+                    rhs[k, b, i * BLOCK + j] += w * slip
+                    rhs[k, next_b, i * BLOCK + next_j] -= w * slip
+                    # The diagonal of a matrix has the rows 0, 3 and 5.
+                    row = (i * (7 - i)) // 2
+                    diagonal[k, b, row * BLOCK + j] += w
+                    diagonal[k, next_b, row * BLOCK + next_j] += w
             w = support[c, f]
             if w > 0.0:
                 above = -heights[c, f]
                 for i in range(3):
                     above += normal[i] * paths[k, f, i]
                 for i in range(3):
-                    rhs[k, f, i] -= w * above * normal[i]
-                    for j in range(3):
-                        band[k, f, 0, i, j] += w * normal[i] * normal[j]
+                    rhs[k, b, i * BLOCK + j] -= w * above * normal[i]
+                    for n in range(i, 3):
+                        diagonal[k, b, ((i * (5 - i)) // 2 + n) * BLOCK + j] += w * normal[i] * normal[n]

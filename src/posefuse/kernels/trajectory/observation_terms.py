@@ -1,108 +1,136 @@
 """Terms of views and smoothness in the trajectory system, for all keypoint paths.
 
-The first axis is the keypoint, the second the frame. The band has the layout of
-:mod:`posefuse.kernels.trajectory.band`.
+Arrays of numbers per keypoint and frame are in blocks, see :mod:`posefuse.kernels.trajectory.blocks`.
 """
 
 import math
 from typing import Any, NamedTuple
 
-from posefuse.kernels.jit import inline, kernel, vectorized
+import numpy as np
+
+from posefuse.kernels.cameras.observation_rows import BLOCK
+from posefuse.kernels.jit import inline, kernel
 from posefuse.kernels.trajectory.band import REACH
 
 _MAX_PATH_VARIANCE = 10.0
 """Upper bound of the path's own variance in the weights, in units of the variance of a detection."""
+
+_USED = 0.5
+"""Minimum weight of an observation that counts."""
 
 
 class ViewTerms(NamedTuple):
     """Linearized observations of all views.
 
     Attributes:
-        residuals: shape (keypoint, frame, view, 2).
-        jacobians: shape (keypoint, frame, view, 2, 3).
-        sigma: shape (keypoint, frame, view).
-        weights: shape (keypoint, frame, view).
+        linear: shape (keypoint, block, view, LINEAR_ROWS * BLOCK): NaN residuals and derivatives of 0 where undefined.
+        sigma: shape (keypoint, frame, view), px: inf where an observation does not count.
+        scale: shape (keypoint, frame, view): factor of sigma.
+        level: shape (keypoint,): factor of sigma.
+        weights: shape (keypoint, frame, view): set to 0 where an observation is undefined.
     """
 
-    residuals: Any
-    jacobians: Any
+    linear: Any
     sigma: Any
+    scale: Any
+    level: Any
     weights: Any
-
-
-class SmoothnessTerms(NamedTuple):
-    """Smoothness prior of all paths.
-
-    Attributes:
-        differences: shape (row, REACH + 1).
-        stiffness: shape (keypoint, row).
-        ridge: shape (keypoint,): small information that ties each point to its current position.
-    """
-
-    differences: Any
-    stiffness: Any
-    ridge: Any
 
 
 class PathSystem(NamedTuple):
     """Normal equations of all paths.
 
     Attributes:
-        band: shape (keypoint, frame, REACH + 1, 3, 3).
-        rhs: shape (keypoint, frame, 3): negative gradient.
-        information: shape (keypoint, frame, 3, 3): of single frames.
+        diagonal: shape (keypoint, block, 6 * BLOCK): matrix of each frame.
+        coupling: shape (keypoint, block, REACH * BLOCK): multiple of the identity that couples each frame with the one,
+            two and three before; 0 where there is none.
+        rhs: shape (keypoint, block, 3 * BLOCK): negative gradient.
+        information: shape (keypoint, block, 6 * BLOCK): that of the views in each frame.
     """
 
-    band: Any
+    diagonal: Any
+    coupling: Any
     rhs: Any
     information: Any
 
 
 @kernel
-def weigh_observations(residuals, jacobians, sigma, covariance, full, none, weights):
+def weigh_observations(linear, sigma, covariance, full, none, weights, counts):
     """Compute weights of observations from their distance to the path: 1 up to ``full`` sigmas, 0 from ``none`` on.
 
     The covariance of the path, projected into the view, is added to that of the detection up to a bound. Beyond the
     bound an undetermined path could not separate inliers from outliers.
 
     Args:
-        residuals: shape (point, view, 2), px, NaN where missing.
-        jacobians: shape (point, view, 2, 3).
-        sigma: shape (point, view), px, inf where an observation does not count.
-        covariance: shape (point, 3, 3).
+        linear: from :func:`posefuse.kernels.cameras.linearize.linearize_paths`.
+        sigma: shape (keypoint, frame, view), px, inf where an observation does not count.
+        covariance: shape (keypoint, frame, 3, 3).
         full: in sigmas.
         none: in sigmas.
-        weights: shape (point, view), written.
+        weights: shape (keypoint, frame, view), written.
+        counts: shape (keypoint, frame), int64, written: number of views that count.
     """
+    block = np.empty((8, BLOCK))
     full_squared = full * full
     slope = 1.0 / (none * none - full_squared)
-    for n in range(residuals.shape[0]):
-        for v in range(residuals.shape[1]):
-            s = sigma[n, v]
-            x = residuals[n, v, 0]
-            y = residuals[n, v, 1]
-            a = _quadratic_form(jacobians[n, v, 0], covariance[n], jacobians[n, v, 0])
-            b = _quadratic_form(jacobians[n, v, 0], covariance[n], jacobians[n, v, 1])
-            c = _quadratic_form(jacobians[n, v, 1], covariance[n], jacobians[n, v, 1])
-            bound = _MAX_PATH_VARIANCE * s * s
-            scale = bound / (a + c) if a + c > bound else 1.0
-            a = scale * a + s * s
-            b = scale * b
-            c = scale * c + s * s
-            squared = (c * x * x - 2.0 * b * x * y + a * y * y) / (a * c - b * b)
-            weight = min(1.0 - (squared - full_squared) * slope, 1.0)
-            # Comparisons with NaN are false, so missing observations get weight 0.
-            weights[n, v] = weight if weight > 0.0 and s < math.inf else 0.0
+    frames = sigma.shape[1]
+    for k in range(linear.shape[0]):
+        for b in range(linear.shape[1]):
+            first = b * BLOCK
+            end = min(BLOCK, frames - first)
+            for j in range(BLOCK):
+                f = first + min(j, end - 1)
+                for i in range(3):
+                    block[i, j] = covariance[k, f, 0, i]
+                block[3, j] = covariance[k, f, 1, 1]
+                block[4, j] = covariance[k, f, 1, 2]
+                block[5, j] = covariance[k, f, 2, 2]
+            for j in range(end):
+                counts[k, first + j] = 0
+            for v in range(linear.shape[2]):
+                for j in range(BLOCK):
+                    block[6, j] = sigma[k, first + min(j, end - 1), v]
+                _weigh_block(linear[k, b, v], block, full_squared, slope)
+                for j in range(end):
+                    weights[k, first + j, v] = block[7, j]
+                    counts[k, first + j] += 1 if block[7, j] > _USED else 0
 
 
 @inline
-def _quadratic_form(first, matrix, second):
-    """Return ``first^T matrix second``."""
-    total = 0.0
-    for i in range(3):
-        for j in range(3):
-            total += first[i] * matrix[i, j] * second[j]
-    return total
+def _weigh_block(own, block, full_squared, slope):
+    """Compute the weights of a block in one view; ``block`` has rows of covariance, sigma, and the weight."""
+    for j in range(BLOCK):
+        s = block[6, j]
+        x = own[j]
+        y = own[BLOCK + j]
+        xx = block[0, j]
+        xy = block[1, j]
+        xz = block[2, j]
+        yy = block[3, j]
+        yz = block[4, j]
+        zz = block[5, j]
+        g0 = own[2 * BLOCK + j]
+        g1 = own[3 * BLOCK + j]
+        g2 = own[4 * BLOCK + j]
+        h0 = own[5 * BLOCK + j]
+        h1 = own[6 * BLOCK + j]
+        h2 = own[7 * BLOCK + j]
+        p0 = xx * g0 + xy * g1 + xz * g2
+        p1 = xy * g0 + yy * g1 + yz * g2
+        p2 = xz * g0 + yz * g1 + zz * g2
+        a = g0 * p0 + g1 * p1 + g2 * p2
+        b = h0 * p0 + h1 * p1 + h2 * p2
+        c = h0 * (xx * h0 + xy * h1 + xz * h2) + h1 * (xy * h0 + yy * h1 + yz * h2)
+        c += h2 * (xz * h0 + yz * h1 + zz * h2)
+        bound = _MAX_PATH_VARIANCE * s * s
+        scale = bound / (a + c) if a + c > bound else 1.0
+        a = scale * a + s * s
+        b = scale * b
+        c = scale * c + s * s
+        squared = (c * x * x - 2.0 * b * x * y + a * y * y) / (a * c - b * b)
+        weight = min(1.0 - (squared - full_squared) * slope, 1.0)
+        # Comparisons with NaN are false, so missing observations get weight 0.
+        block[7, j] = weight if (weight > 0.0) & (s < math.inf) else 0.0
 
 
 @kernel
@@ -141,119 +169,74 @@ def whiten_errors(residuals, sigma, used, correlation, squares, counts):
                 lag_correlation = 1.0
 
 
-@vectorized
-def add_view(views, k, v, system):
-    """Add the observations of a keypoint in one view.
+@kernel
+def add_views(views, system, seen):
+    """Sum the observations of all views.
 
     Args:
         views: ViewTerms.
-        k: the keypoint.
-        v: the view.
-        system: PathSystem, added to.
+        system: PathSystem; its information and right-hand side are written.
+        seen: shape (keypoint, frame), bool, written: whether any view counts.
     """
-    residuals, jacobians, sigma, weights = views.residuals[k], views.jacobians[k], views.sigma[k], views.weights[k]
-    rhs, information = system.rhs[k], system.information[k]
-    for f in range(residuals.shape[0]):
-        weight = weights[f, v]
-        if not weight > 0.0:
-            continue
-        factor = weight / (sigma[f, v] * sigma[f, v])
-        x = residuals[f, v, 0]
-        y = residuals[f, v, 1]
-        first = jacobians[f, v, 0]
-        second = jacobians[f, v, 1]
-        for i in range(3):
-            rhs[f, i] -= factor * (first[i] * x + second[i] * y)
-            for j in range(3):
-                information[f, i, j] += factor * (first[i] * first[j] + second[i] * second[j])
+    linear, sigma, scale, level, weights = views
+    information, rhs = system.information, system.rhs
+    factor = np.empty(BLOCK)
+    sums = np.empty((9, BLOCK))
+    frames = weights.shape[1]
+    for k in range(linear.shape[0]):
+        for b in range(linear.shape[1]):
+            first = b * BLOCK
+            end = min(BLOCK, frames - first)
+            for i in range(9):
+                for j in range(BLOCK):
+                    sums[i, j] = 0.0
+            for j in range(end):
+                seen[k, first + j] = False
+            for v in range(linear.shape[2]):
+                own = linear[k, b, v]
+                for j in range(end):
+                    f = first + j
+                    weight = weights[k, f, v] if own[j] == own[j] else 0.0
+                    s = level[k] * sigma[k, f, v] * scale[k, f, v]
+                    factor[j] = weight / (s * s) if weight > 0.0 else 0.0
+                    weights[k, f, v] = weight
+                    seen[k, f] |= weight != 0.0
+                for j in range(end, BLOCK):
+                    factor[j] = 0.0
+                _add_block(own, factor, sums)
+            _store_sums(sums, information[k, b], rhs[k, b])
 
 
-@vectorized
-def add_smoothness(differences, stiffness, path, band, rhs):
-    """Add the prior that finite differences over neighboring frames are small.
-
-    Args:
-        differences: shape (row, REACH + 1): coefficients of frames ``row`` to ``row + REACH``; the last may be 0 with
-            the frame missing.
-        stiffness: shape (row,): inverse variance of the result of the row.
-        path: shape (frame, 3).
-        band: shape (frame, REACH + 1, 3, 3), added to.
-        rhs: shape (frame, 3), added to.
-    """
-    frames = path.shape[0]
-    for row in range(differences.shape[0]):
-        w = stiffness[row]
-        if w == 0.0:
-            continue
-        reach = min(REACH, frames - 1 - row)
-        c = differences[row]
-        for i in range(3):
-            residual = 0.0
-            for a in range(reach + 1):
-                residual += c[a] * path[row + a, i]
-            for a in range(reach + 1):
-                rhs[row + a, i] -= w * c[a] * residual
-        for a in range(reach + 1):
-            for b in range(a + 1):
-                value = w * c[a] * c[b]
-                for i in range(3):
-                    band[row + a, a - b, i, i] += value
+@inline
+def _store_sums(sums, information, rhs):
+    """Write the information of a block and the negative gradient."""
+    for i in range(6):
+        for j in range(BLOCK):
+            information[i * BLOCK + j] = sums[i, j]
+    for i in range(3):
+        for j in range(BLOCK):
+            rhs[i * BLOCK + j] = -sums[6 + i, j]
 
 
-@kernel
-def assemble_system(views, smoothness, paths, system):
-    """Assemble the terms of views and smoothness for all keypoints.
-
-    Args:
-        views: ViewTerms.
-        smoothness: SmoothnessTerms.
-        paths: shape (keypoint, frame, 3).
-        system: PathSystem, written.
-    """
-    differences, stiffness, ridge = smoothness
-    band, rhs, information = system
-    for k in range(paths.shape[0]):
-        band[k] = 0.0
-        rhs[k] = 0.0
-        information[k] = 0.0
-        for v in range(views.residuals.shape[2]):
-            add_view(views, k, v, system)
-        for f in range(paths.shape[1]):
-            for i in range(3):
-                for j in range(3):
-                    band[k, f, 0, i, j] = information[k, f, i, j]
-                band[k, f, 0, i, i] += ridge[k]
-        add_smoothness(differences, stiffness[k], paths[k], band[k], rhs[k])
-
-
-@kernel
-def squared_differences(differences, stiffness, paths, covariance, squares, determined):
-    """Compute squared finite differences of the paths, and how many of their components the data determine.
-
-    Args:
-        differences: shape (row, REACH + 1).
-        stiffness: shape (keypoint, row): inverse of the expected variance of a row.
-        paths: shape (keypoint, frame, 3).
-        covariance: shape (keypoint, frame, REACH + 1, 3, 3), within the band.
-        squares: shape (keypoint, row), written: squared difference in units of the expected variance.
-        determined: shape (keypoint, row), written: number of the 3 components that the data determine.
-    """
-    frames = paths.shape[1]
-    for k in range(paths.shape[0]):
-        for row in range(differences.shape[0]):
-            w = stiffness[k, row]
-            reach = min(REACH, frames - 1 - row)
-            squared = 0.0
-            for i in range(3):
-                residual = 0.0
-                for a in range(reach + 1):
-                    residual += differences[row, a] * paths[k, row + a, i]
-                squared += residual * residual
-            predicted_variance = 0.0
-            for a in range(reach + 1):
-                for b in range(a + 1):
-                    z = covariance[k, row + a, a - b]
-                    trace = z[0, 0] + z[1, 1] + z[2, 2]
-                    predicted_variance += (1.0 if a == b else 2.0) * differences[row, a] * differences[row, b] * trace
-            squares[k, row] = w * squared
-            determined[k, row] = min(max(3.0 - w * predicted_variance, 0.0), 3.0) if w > 0.0 else 0.0
+@inline
+def _add_block(own, factor, sums):
+    """Add the observations of a block in one view to the information and the gradient."""
+    for j in range(BLOCK):
+        w = factor[j]
+        x = own[j] if w > 0.0 else 0.0
+        y = own[BLOCK + j] if w > 0.0 else 0.0
+        g0 = w * own[2 * BLOCK + j]
+        g1 = w * own[3 * BLOCK + j]
+        g2 = w * own[4 * BLOCK + j]
+        h0 = w * own[5 * BLOCK + j]
+        h1 = w * own[6 * BLOCK + j]
+        h2 = w * own[7 * BLOCK + j]
+        sums[0, j] += g0 * own[2 * BLOCK + j] + h0 * own[5 * BLOCK + j]
+        sums[1, j] += g0 * own[3 * BLOCK + j] + h0 * own[6 * BLOCK + j]
+        sums[2, j] += g0 * own[4 * BLOCK + j] + h0 * own[7 * BLOCK + j]
+        sums[3, j] += g1 * own[3 * BLOCK + j] + h1 * own[6 * BLOCK + j]
+        sums[4, j] += g1 * own[4 * BLOCK + j] + h1 * own[7 * BLOCK + j]
+        sums[5, j] += g2 * own[4 * BLOCK + j] + h2 * own[7 * BLOCK + j]
+        sums[6, j] += g0 * x + h0 * y
+        sums[7, j] += g1 * x + h1 * y
+        sums[8, j] += g2 * x + h2 * y

@@ -52,9 +52,7 @@ def robust_equations(rows, weights, newton, state, full, none, sums):
     span = none - full
     inverse_span = 1.0 / span
     clear_sums(sums)
-    for k in range(6):
-        for j in range(BLOCK):
-            sums[CURVATURE + k, j] = 0.0
+    falling = False
     for v in range(weights.shape[0]):
         n_between = 0
         for j in range(BLOCK):
@@ -71,9 +69,14 @@ def robust_equations(rows, weights, newton, state, full, none, sums):
             sums[_WEIGHT_SLOPE, j] = weight_slope
             n_between += 1 if weight_slope > 0.0 else 0
         if newton and n_between > 0:
+            if not falling:
+                for k in range(6):
+                    for j in range(BLOCK):
+                        sums[CURVATURE + k, j] = 0.0
+            falling = True
             for j in range(BLOCK):
                 _add_curvature(rows, v, j, state, sums)
-    if newton:
+    if falling:
         _apply_curvature(sums)
 
 

@@ -119,6 +119,7 @@ def option(
     return dataclasses.field(default=default, metadata={_METADATA_KEY: bounds})  # type: ignore[return-value]
 
 
+@cache
 def bounds_of(field: "dataclasses.Field[Any]") -> Bounds:
     """Return the declared bounds of a dataclass field, with the unit resolved from the field's name."""
     bounds: Bounds = field.metadata.get(_METADATA_KEY, Bounds())

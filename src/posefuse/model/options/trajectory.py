@@ -34,7 +34,7 @@ class TrajectoryOptions:
         full_weight_sigma: Distance from the trajectory up to which an observation has full weight.
         zero_weight_sigma: Distance from the trajectory beyond which an observation is rejected; the weight falls
             smoothly in between.
-        iterations: Number of times that observations are reweighted and linearized.
+        iterations: Maximum number of times that observations are reweighted and linearized.
     """
 
     prior: SmoothnessPrior = "jerk"

@@ -3,44 +3,44 @@
 import numpy as np
 import pytest
 
-from posefuse.kernels.trajectory.band import REACH, factor_paths, invert_paths, solve_paths
+from posefuse.kernels.trajectory.band import REACH
+from posefuse.kernels.trajectory.band_inverse import invert_paths
+from posefuse.kernels.trajectory.blocks import empty_blocks, from_blocks, to_blocks
+from posefuse.kernels.trajectory.bone_solve import Groups, Stopping, Vectors, solve_with_bones
+from posefuse.kernels.trajectory.bone_terms import BoneTerms
+from tests.unit.kernels.trajectory.dense import block_of, factor_of, random_path, system_of, tiles_of
+
+NO_BONES = np.zeros((0, 2), dtype=np.int64)
 
 
-def band_of(dense: np.ndarray) -> np.ndarray:
-    frames = len(dense) // 3
-    band = np.zeros((frames, REACH + 1, 3, 3))
-    for f in range(frames):
-        for m in range(min(REACH, f) + 1):
-            band[f, m] = dense[3 * f : 3 * f + 3, 3 * (f - m) : 3 * (f - m) + 3]
-    return band
-
-
-def random_path(rng: np.random.Generator, frames: int) -> np.ndarray:
-    """Return a matrix of frames with one view each, coupled by third differences a thousand times as strong."""
-    rows = np.zeros((max(frames - 3, 0), frames))
-    for row in range(len(rows)):
-        rows[row, row : row + 4] = (-1.0, 3.0, -3.0, 1.0)
-    dense = 1e3 * np.kron(rows.T @ rows, np.eye(3)) + 1e-6 * np.eye(3 * frames)
-    for f in range(frames):
-        view = rng.standard_normal((2, 3))
-        dense[3 * f : 3 * f + 3, 3 * f : 3 * f + 3] += view.T @ view
-    return dense
-
-
-@pytest.mark.parametrize("frames", [1, 2, 4, 150])
-def test_band_matches_the_dense_matrix(frames):
+@pytest.mark.no_jit
+@pytest.mark.parametrize(("paths", "frames"), [(2, 1), (2, 2), (3, 4), (2, 16), (9, 17), (10, 50)])
+def test_band_matches_the_dense_matrix(paths, frames):
     rng = np.random.default_rng(frames)
-    dense = np.stack([random_path(rng, frames) for _ in range(2)])
-    band = np.stack([band_of(each) for each in dense])
-    lower, inverse, logs = np.empty((2, frames, REACH, 3, 3)), np.empty((2, frames, 3, 3)), np.empty(2)
-    factor_paths(band, lower, inverse, logs)
-    assert np.allclose(logs, np.linalg.slogdet(dense)[1], rtol=1e-9, atol=1e-6)
-    right = rng.standard_normal((2, frames, 3))
-    found = right.copy()
-    solve_paths(lower, inverse, found)
+    dense = [random_path(rng, frames) for _ in range(paths)]
+    tiles = tiles_of(list(rng.permutation(paths)))
+    factor = factor_of(*system_of(dense), tiles, frames)
+    right = rng.standard_normal((paths, frames, 3))
+    vectors = Vectors.of(to_blocks(right), frames)
+    groups = Groups(tiles, np.zeros(0, dtype=np.int64), np.array([[len(tiles), 0]]))
+    nothing = BoneTerms(*(empty_blocks(0, frames, rows) for rows in (3, 1, 1)), empty_blocks(paths, frames, 6))
+    rounds = solve_with_bones(factor, groups, NO_BONES, nothing, Stopping(9, 0.0, 0.0), vectors)
+    assert rounds == 1
     expected = np.stack([np.linalg.solve(a, b.ravel()).reshape(-1, 3) for a, b in zip(dense, right, strict=True)])
-    assert np.allclose(found, expected, rtol=1e-6, atol=1e-8 * np.abs(expected).max())
-    covariance = np.zeros_like(band)
-    invert_paths(lower, inverse, covariance)
-    expected = np.stack([band_of(np.linalg.inv(each)) for each in dense])
-    assert np.allclose(covariance, expected, rtol=1e-6, atol=1e-8 * np.abs(expected).max())
+    assert np.allclose(from_blocks(vectors.steps, frames), expected, rtol=1e-6, atol=1e-8 * np.abs(expected).max())
+    covariance, traces = np.empty((paths, frames, 3, 3)), np.empty((paths, REACH + 1, frames))
+    invert_paths(factor, tiles, covariance, traces)
+    for own, trace, inverse in zip(covariance, traces, map(np.linalg.inv, dense), strict=True):
+        expected = [block_of(inverse, f, 0) for f in range(frames)]
+        limit = 1e-8 * np.abs(expected).max()
+        np.testing.assert_allclose(own, expected, rtol=1e-6, atol=limit)
+        for m in range(min(REACH + 1, frames)):
+            expected = [np.trace(block_of(inverse, f, m)) for f in range(m, frames)]
+            np.testing.assert_allclose(trace[m, : frames - m], expected, rtol=1e-6, atol=limit)
+
+
+def test_undetermined_directions_stay_finite():
+    frames = 20
+    diagonal, coupling = system_of([np.zeros((3 * frames, 3 * frames))] * 2)
+    factor = factor_of(diagonal, coupling, tiles_of([0, 1]), frames)
+    assert np.isfinite(factor).all()

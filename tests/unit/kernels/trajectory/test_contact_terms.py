@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from posefuse.kernels.trajectory.band import REACH
+from posefuse.kernels.trajectory.blocks import empty_blocks, from_blocks, matrices_from_blocks
 from posefuse.kernels.trajectory.contact_terms import ContactTerms, add_contact
+from posefuse.kernels.trajectory.observation_terms import PathSystem
 
-KEYPOINTS, FRAMES = 3, 7
+KEYPOINTS, FRAMES = 3, 18
 
 
 def problem(seed):
@@ -37,8 +38,10 @@ def cost(contact, paths):
 @pytest.mark.parametrize("seed", range(3))
 def test_terms_are_derivatives_of_the_cost(seed):
     contact, paths = problem(seed)
-    band, rhs = np.zeros((KEYPOINTS, FRAMES, REACH + 1, 3, 3)), np.zeros((KEYPOINTS, FRAMES, 3))
-    add_contact(contact, paths, band, rhs)
+    system = PathSystem(*(np.zeros_like(empty_blocks(KEYPOINTS, FRAMES, rows)) for rows in (6, 3, 3, 6)))
+    add_contact(contact, paths, system)
+    rhs = from_blocks(system.rhs, FRAMES)
+    diagonal, coupling = matrices_from_blocks(system.diagonal, FRAMES), from_blocks(system.coupling, FRAMES)
     step = 1e-4
     unit = step * np.eye(paths.size).reshape(paths.size, *paths.shape)
     gradient = [(cost(contact, paths + each) - cost(contact, paths - each)) / (2.0 * step) for each in unit]
@@ -46,10 +49,9 @@ def test_terms_are_derivatives_of_the_cost(seed):
     whole = np.zeros((KEYPOINTS, FRAMES, 3, KEYPOINTS, FRAMES, 3))
     for k in range(KEYPOINTS):
         for f in range(FRAMES):
-            for m in range(min(REACH, f) + 1):
-                whole[k, f, :, k, f - m] += band[k, f, m]
-                if m:
-                    whole[k, f - m, :, k, f] += band[k, f, m].T
+            whole[k, f, :, k, f] = diagonal[k, f]
+            for m in range(1, min(3, f) + 1):
+                whole[k, f, :, k, f - m] = whole[k, f - m, :, k, f] = coupling[k, f, m - 1] * np.eye(3)
     moved = paths + np.random.default_rng(9).normal(size=paths.shape)
     change = (moved - paths).ravel()
     expected = cost(contact, paths) - rhs.ravel() @ change + 0.5 * change @ whole.reshape(paths.size, -1) @ change
