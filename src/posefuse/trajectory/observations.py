@@ -5,6 +5,7 @@ from typing import Self
 
 import numpy as np
 
+from posefuse.arrays import kernel_array
 from posefuse.kernels.cameras.linearize import LINEAR_ROWS, linearize, linearize_paths
 from posefuse.kernels.cameras.observation_rows import BLOCK
 from posefuse.kernels.trajectory.blocks import n_blocks
@@ -114,12 +115,12 @@ class PersonObservations:
         """Return the linearized observations, see :func:`linearize_paths`."""
         keypoints, frames, views, _ = self.pixels.shape
         linear = np.empty((keypoints, n_blocks(frames), views, LINEAR_ROWS * BLOCK))
-        linearize_paths(self.rig.packed, paths_m, self.pixels, linear)
+        linearize_paths(self.rig.packed, kernel_array(paths_m), kernel_array(self.pixels), linear)
         return linear
 
     def linear(self, paths_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return residuals (keypoint, frame, view, 2) in px, projected minus observed, and derivatives (..., 2, 3)."""
-        return linearize(self.rig.packed, paths_m, self.pixels)
+        return linearize(self.rig.packed, kernel_array(paths_m), kernel_array(self.pixels))
 
 
 def _of_rows(values: np.ndarray, rows: np.ndarray) -> np.ndarray:
