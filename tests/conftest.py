@@ -11,17 +11,6 @@ ROOT = Path(__file__).parent.parent
 SHARED_DATA = ROOT.parent / "shared" / "data"
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    """Give all kernels one time stamp: Numba's cache looks at a kernel's own file, not at those it calls."""
-    if hasattr(config, "workerinput"):
-        return
-    kernels = list((ROOT / "src" / "posefuse" / "kernels").rglob("*.py"))
-    newest = max(kernel.stat().st_mtime_ns for kernel in kernels)
-    for kernel in kernels:
-        if kernel.stat().st_mtime_ns != newest:
-            os.utime(kernel, ns=(newest, newest))
-
-
 @pytest.fixture(autouse=True, scope="session")
 def _own_cache(tmp_path_factory):
     """Keep caches out of the home folder, also those of commands in processes of their own."""

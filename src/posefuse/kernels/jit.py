@@ -8,6 +8,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 
+from posefuse.kernels.compiled_sources import require_all_sources
 from posefuse.kernels.linking import DisjointSubroutineCompiler, KernelCompiler, SubroutineCompiler
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -25,7 +26,9 @@ _OPTIONS: dict[str, Any] = {
 
 def kernel(function: F) -> F:
     """Compile a kernel: cached on disk, releases the GIL, division by zero gives inf, fused multiply-add allowed."""
-    return cast("F", numba.njit(**_OPTIONS, cache=True, pipeline_class=KernelCompiler)(function))
+    compiled = numba.njit(**_OPTIONS, cache=True, pipeline_class=KernelCompiler)(function)
+    require_all_sources(compiled)
+    return cast("F", compiled)
 
 
 def subroutine(function: F) -> F:
