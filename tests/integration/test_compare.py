@@ -69,7 +69,7 @@ def test_numbers_equal_those_of_reconstruct_and_evaluate(run, ugly_recording, tm
     result = posefuse.read_reconstruction(tmp_path / "one" / "reconstruction.nc")
     layer = result.layers["measured"]
     used = layer.view_error_px[:][np.asarray(layer.view_status[:]) == 0]
-    assert float(row["used_views_median_reprojection_error_px"]) == pytest.approx(np.median(used), rel=2e-3)
+    assert float(row["used_views_median_reprojection_error_px"]) == pytest.approx(np.median(used), rel=4e-3)
     distance_mm = 1000 * np.linalg.norm(layer.points_m[:] - ugly_scene.truth.layers["measured"].points_m, axis=-1)
     assert float(row["median_error_against_truth_mm"]) == pytest.approx(np.nanmedian(distance_mm), rel=1e-5)
 

@@ -33,14 +33,14 @@ ANGLE_STEP_DEG = 2.0**-11
 _MIN_SHARE = 2.0**-23
 """Smallest variance that float32 holds beside the others, as a share of their sum."""
 
-ERROR_BITS, SD_BITS = 8, 10
-"""Binary digits after the first one of errors in pixels, within 0.2 %, and of standard deviations, within 0.05 %."""
+ERROR_BITS, SD_BITS = 7, 10
+"""Binary digits after the first one of errors in pixels, within 0.4 %, and of standard deviations, within 0.05 %."""
 
 PRECISION = {
     "position": "rounded to 2^-20 (0.00095 mm) or finer, at most 1/64 of the smallest standard deviation",
     "covariance": "float32, rounded to at most 1/128 of the smallest variance: standard deviations within 1 %",
     "reprojection_error": "float32, rounded to 11 binary digits (within 0.05 %)",
-    "view_error": "float32, rounded to 9 binary digits (within 0.2 %)",
+    "view_error": "float32, rounded to 8 binary digits (within 0.4 %)",
 }
 """Name of a layer's variable -> its precision, as the file states it."""
 
