@@ -39,6 +39,9 @@ _EARLY_COUNT = 5
 _EARLY_REJECTION = -1.0
 
 
+_FACTORS = 16
+
+
 class CandidateDetections(NamedTuple):
     """Unassigned detections of one frame, as observations of core keypoints.
 
@@ -208,12 +211,23 @@ def join_log_odds(candidates, parameters, terms, n, swapped):
     clutter = candidates.clutter_px[candidates.views[n]]
     side = 1 if swapped else 0
     _join_odds(terms, side, n, clutter * clutter * _INVERSE_TWO_PI, parameters.outlier_share)
-    product = 1.0
     common = 0.0
-    for k in range(terms.odds.shape[0]):
-        product *= terms.odds[k]
+    for k in range(terms.common.shape[0]):
         common += terms.common[k]
-    return _effective_log_odds(math.log(product), common, parameters.min_common, parameters.independent)
+    return _effective_log_odds(log_of_product(terms.odds), common, parameters.min_common, parameters.independent)
+
+
+@subroutine
+def log_of_product(factors):
+    """Return the logarithm of a product, with one logarithm for many factors; longer products could overflow."""
+    total = 0.0
+    product = 1.0
+    for k in range(factors.shape[0]):
+        product *= factors[k]
+        if k % _FACTORS == _FACTORS - 1:
+            total += math.log(product)
+            product = 1.0
+    return total + math.log(product)
 
 
 @vectorized
