@@ -7,11 +7,13 @@ of their support, unless a view would show one person twice at the same time, or
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
+from operator import call
 
 import numpy as np
 
-from posefuse.calibration.people.bearings import Bearings, bearings_of
+from posefuse.calibration.people.bearings import bearings_of
 from posefuse.calibration.people.pairs import PairGeometry
 from posefuse.calibration.people.pictures import with_common_people_in_pictures
 from posefuse.calibration.people.shared_people import CLEARLY_EXPLAINED, SharedPeople, shared_people
@@ -114,31 +116,15 @@ def with_common_people(people: PeopleViews, *, seed: int = 0, jobs: Jobs = ONE_J
 def identify_people(people: PeopleViews, *, seed: int = 0, jobs: Jobs = ONE_JOB) -> Identities:
     """Return which tracks of the views show the same person; arguments as of :func:`with_common_people`."""
     bearings = [bearings_of(view, people.skeleton) for view in people.views]
-    pairs = (
-        ((a, b), _TwoViews(bearings[a], bearings[b], people.max_offset_s, seed))
-        for a, b in combinations(range(len(bearings)), 2)
-    )
-    relations = {views: found for views, found in jobs.in_order_with(_shared_people, pairs) if found is not None}
+    compare = partial(shared_people, max_offset_s=people.max_offset_s, seed=seed)
+    pairs = (((a, b), partial(compare, bearings[a], bearings[b])) for a, b in combinations(range(len(bearings)), 2))
+    relations = {views: found for views, found in jobs.in_order_with(call, pairs) if found is not None}
     trusted = _trusted(relations)
     seen = [_seen_times(view) for view in people.views]
     groups = _groups(relations, trusted, seen)
     counts = [sum(int(seen[v][:, t].sum()) for v, t in group) for group in groups]
     order = np.argsort(-np.array(counts, dtype=float), kind="stable")[:MOST_PEOPLE]
     return Identities(tuple(tuple(sorted(groups[k])) for k in order), {pair: relations[pair] for pair in trusted})
-
-
-@dataclass(frozen=True, eq=False)
-class _TwoViews:
-    """Two views to compare, with the arguments of :func:`shared_people`."""
-
-    a: Bearings
-    b: Bearings
-    max_offset_s: float
-    seed: int
-
-
-def _shared_people(pair: _TwoViews) -> SharedPeople | None:
-    return shared_people(pair.a, pair.b, max_offset_s=pair.max_offset_s, seed=pair.seed)
 
 
 def _seen_times(view: ViewTracks) -> np.ndarray:

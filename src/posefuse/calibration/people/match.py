@@ -6,7 +6,9 @@ with a bundle adjustment over bodies with rigid bones. Left and right sides are 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
+from operator import call
 
 import numpy as np
 
@@ -24,7 +26,7 @@ from posefuse.calibration.people.conditions import (
 )
 from posefuse.calibration.people.cross_validation import check_prediction
 from posefuse.calibration.people.identities import common_people, people_table, strangers
-from posefuse.calibration.people.pairs import PairGeometry, relate_pair
+from posefuse.calibration.people.pairs import relate_pair
 from posefuse.calibration.people.rates import at_rate, rig_rates
 from posefuse.calibration.people.repeated_motion import check_repeated_motion
 from posefuse.calibration.people.rigs import N_SAMPLES, People, Rig, later, with_exact_times
@@ -199,11 +201,14 @@ def _rig_at_rates(
     for start in (np.zeros(len(views)), *apart):
         samples = sample_bodies(views, table, start, rate, N_SAMPLES)
         pairs = (
-            ((a, b), _TwoViews(views[a], views[b], shared, float(start[b] - start[a]), search.seed))
+            (
+                (a, b),
+                partial(relate_pair, views[a], views[b], shared, offsets_s=[start[b] - start[a]], seed=search.seed),
+            )
             for a, b in combinations(range(len(views)), 2)
             if (shared := _of_both(table, (a, b)))
         )
-        edges = dict(search.jobs.in_order_with(_related, pairs))
+        edges = dict(search.jobs.in_order_with(call, pairs))
         if not start.any():
             check_parallax([view.name for view in views], edges)
         elif not has_parallax(edges):
@@ -215,21 +220,6 @@ def _rig_at_rates(
         return rigs[0] if rigs else None
     best = max(rigs[1:], key=_plausibility)
     return best if _is_clearly_better(best.assembly, rigs[0].assembly) else rigs[0]
-
-
-@dataclass(frozen=True, eq=False)
-class _TwoViews:
-    """Two views to relate, with the arguments of :func:`relate_pair`."""
-
-    a: Bearings
-    b: Bearings
-    people: tuple[tuple[int, int], ...]
-    offset_s: float
-    seed: int
-
-
-def _related(pair: _TwoViews) -> list[PairGeometry]:
-    return relate_pair(pair.a, pair.b, pair.people, offsets_s=[pair.offset_s], seed=pair.seed)
 
 
 def _plausibility(rig: Rig) -> tuple[int, float]:
