@@ -181,8 +181,7 @@ def _smooth_run(
         # Fitted poses depend on where the fit begins by a tenth of their uncertainty, so the states of the filter do.
         fitted = fit_path(run.state, run, priors, settings)
         if fitted is not None:
-            kept = State(*(each[first:last] for each in fitted))
-            return with_lasting_offsets(describe_bodies(kept, None, settings), settings), None, None
+            return _describe_fitted(fitted, slice(first, last), settings), None, None
     window = refilter_run(run, piece.window, settings)
     rest = window.after(min(following, last - 1)).copy() if last else None
     begin = 0 if priors is not None else first
@@ -191,12 +190,18 @@ def _smooth_run(
     fitted = None
     if priors is not None and last > first:
         fitted = fit_path(states, run.frames(begin, len(run)), priors, settings)
-    kept = State(*(each[first - begin : last - begin] for each in (fitted or states)))
+    own = slice(first - begin, last - begin)
     if fitted is None:
-        body = describe_bodies(kept, window.information[first:last], settings)
+        body = describe_bodies(State(*(each[own] for each in states)), window.information[first:last], settings)
     else:
-        body = with_lasting_offsets(describe_bodies(kept, None, settings), settings)
+        body = _describe_fitted(fitted, own, settings)
     return body, rest, begins
+
+
+def _describe_fitted(fitted: State, frames: slice, settings: TrackerSettings) -> SmoothedBodies:
+    """Return some frames of fitted poses."""
+    kept = State(*(each[frames] for each in fitted))
+    return with_lasting_offsets(describe_bodies(kept, None, settings), settings)
 
 
 @dataclass(frozen=True, eq=False)
