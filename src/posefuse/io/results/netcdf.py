@@ -162,7 +162,7 @@ def _check_version(path: Path, version: int) -> None:
     if version != FORMAT_VERSION:
         remedy = "Update posefuse." if version > FORMAT_VERSION else "Reconstruct the recording again."
         raise FileError(
-            f"{path} has format version {version}; this version of posefuse reads {FORMAT_VERSION}. {remedy}"
+            f"{path} has format version {version}; this version of posefuse reads version {FORMAT_VERSION}. {remedy}"
         )
 
 
