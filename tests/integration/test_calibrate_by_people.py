@@ -114,6 +114,14 @@ def test_the_command_writes_a_calibration_and_its_report(folder, capsys):
     assert "--overwrite" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("board", [[], ["--board", "charuco:7x5,square=30mm"]])
+def test_invalid_number_of_processes_is_refused(board, folder, tmp_path, capsys):
+    with pytest.raises(SystemExit):
+        main(["calibrate", str(folder / "recording"), *board, "-o", str(tmp_path / "c.toml"), "--jobs", "0"])
+    assert "--jobs must be an integer of at least 1, got 0" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_still_person_is_an_error_that_says_what_to_film(scene):
     detections = scene.detections
     frozen = posefuse.Detections.from_dense(

@@ -14,6 +14,7 @@ from posefuse.cli.calibrate_scene import describe_scene
 from posefuse.cli.console import Bars, note
 from posefuse.cli.types import JobsFlag, KeypointsPath, Overwrite, TimestampsPath
 from posefuse.errors import CalibrationError, FileError, choices
+from posefuse.model.options.bounds import option
 from posefuse.model.options.calibration import CalibrateOptions, PeopleOptions
 
 if TYPE_CHECKING:
@@ -71,14 +72,14 @@ _NO_FLAG = Parameter(parse=False)
 class BoardFlags(CalibrateOptions):
     """Flags of a calibration by a board; the number of processes is one flag of both kinds of calibration."""
 
-    jobs: Annotated[int | None, _NO_FLAG] = None
+    jobs: Annotated[int | None, _NO_FLAG] = option(None, at_least=1, unit="")
 
 
 @dataclass(frozen=True)
 class PeopleFlags(PeopleOptions):
     """Flags of a calibration by people; the number of processes likewise."""
 
-    jobs: Annotated[int | None, _NO_FLAG] = None
+    jobs: Annotated[int | None, _NO_FLAG] = option(None, at_least=1, unit="")
 
 
 def calibrate(
