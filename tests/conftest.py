@@ -69,3 +69,22 @@ def bucket(s3):
     from tests.object_stores import make_bucket
 
     return make_bucket(f"bucket-{uuid.uuid4().hex}")
+
+
+@pytest.fixture
+def google_bucket():
+    """The URL of a new bucket on a local server with the interface of Google Cloud Storage."""
+    pytest.importorskip("gcsfs", reason="gcsfs is not installed (extra cloud)")
+    from tests.google_storage import google_storage_server
+    from tests.object_stores import environment
+
+    name = f"bucket-{uuid.uuid4().hex}"
+    # The class of file systems with hierarchical folders asks Google itself for the kind of a bucket.
+    plain = {"GCSFS_EXPERIMENTAL_ZB_HNS_SUPPORT": "false"}
+    with google_storage_server(name) as address, environment(STORAGE_EMULATOR_HOST=address, **plain):
+        from fsspec.registry import get_filesystem_class
+
+        kind = get_filesystem_class("gs")
+        kind.clear_instance_cache()
+        yield f"gs://{name}"
+        kind.clear_instance_cache()

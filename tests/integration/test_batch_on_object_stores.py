@@ -12,7 +12,7 @@ from posefuse.batch import work
 from posefuse.io.calibration import anipose
 from posefuse.io.files import RUN_FILE
 from posefuse.io.keypoints import native
-from posefuse.io.object_stores import list_files, write_stored
+from posefuse.io.object_stores import list_files, remove, write_stored
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import simulate_crowd
 from tests.coded_videos import film_person
@@ -213,3 +213,21 @@ def test_long_videos_are_divided_after_the_detection(run, tmp_path, bucket):
     found = contents(f"{bucket}/out")
     assert found == local_contents(tmp_path / "here")
     assert b"windows of about 2.5 s" in (found["take/result/report.html"] or b"")
+
+
+@pytest.mark.usefixtures("one_process")
+@pytest.mark.filterwarnings("ignore:Sending a large body:ResourceWarning")  # by gcsfs
+def test_google_storage_gives_the_bytes_of_local_results(run, tmp_path, google_bucket):
+    folders = recordings(tmp_path / "recs", 2, {})
+    upload_folder(tmp_path / "recs", f"{google_bucket}/recs")
+    here = ("batch", *folders, "-o", tmp_path / "here", "--jobs", 1, *FAST)
+    there = ("batch", f"{google_bucket}/recs/*", "-o", f"{google_bucket}/out", "--jobs", 1, *FAST)
+    assert run(*here)[0] == 0
+    code, text, wrong = run(*there)
+    assert (code, "2 recordings: 2 done, 0 kept" in text) == (0, True), wrong
+    assert contents(f"{google_bucket}/out") == local_contents(tmp_path / "here")
+    assert "0 done, 2 kept" in run(*there)[1]
+    remove([f"{google_bucket}/out/{name}" for name in list_files(f"{google_bucket}/out")])
+    assert list_files(f"{google_bucket}/out") == {}
+    code, _, wrong = run("batch", f"{google_bucket}-missing/recs/*", "-o", tmp_path / "out")
+    assert (code, f"There is no bucket {google_bucket}-missing" in wrong) == (1, True)
