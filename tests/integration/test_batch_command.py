@@ -47,7 +47,7 @@ BREAK: dict[str, tuple[Callable[[Path], object], str]] = {
     "no calibration": (lambda folder: (folder / "calibration.toml").unlink(), "No calibrations found in"),
     "cut short": (_cut_short, "is not a complete HDF5 file"),
     "other cameras": (_other_cameras, "matches no camera by name"),
-    "no keypoints": (lambda folder: (folder / "keypoints.nc").unlink(), "No sets of 2D keypoints in"),
+    "no keypoints": (lambda folder: (folder / "keypoints.nc").unlink(), "No sets of 2D keypoints found in"),
     "two calibrations": (
         lambda folder: shutil.copy(folder / "calibration.toml", folder / "another.toml"), "has 2 calibrations",
     ),

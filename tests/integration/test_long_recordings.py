@@ -183,9 +183,10 @@ def test_interrupted_run_leaves_a_result_marked_partial(run, tmp_path):
 def test_checkpoints_of_other_input_are_not_used(run, uninterrupted, two_people, tmp_path):
     path, output = write(tmp_path / "recording", 2.4, seed=1), tmp_path / "out"
     signal_when_file_exists(start(path, output, 20), output / CHECKPOINT_FOLDER / "tracking.part", signal.SIGKILL)
-    code, text, _ = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
-    assert code == 0
-    assert "Removed 1 part of other inputs, options or versions from" in " ".join(text.split())
+    code, _, wrong = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
+    assert code == 1
+    assert "an unfinished reconstruction of other inputs, options or versions" in " ".join(wrong.split())
+    assert run("reconstruct", two_people, "-o", output, "--chunk-frames", 20, "--overwrite")[0] == 0
     assert contents(output) == contents(uninterrupted)
 
 

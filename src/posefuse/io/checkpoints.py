@@ -263,7 +263,7 @@ def key_in(folder: Path) -> str:
     Raises:
         FileError: if the folder has other files and no manifest.
     """
-    manifest = next((file for file in (folder / _MANIFEST, *folder.glob(f"*/{_MANIFEST}")) if file.is_file()), None)
+    manifest = _manifest_in(folder)
     if manifest is None and any(file.is_file() and file.suffix != ".partial" for file in folder.rglob("*")):
         raise FileError(f"{folder} contains files that are not parts of a reconstruction. Move it away.")
     try:
@@ -271,6 +271,15 @@ def key_in(folder: Path) -> str:
     except (OSError, ValueError):
         return ""
     return str(content.get("key")) if content.get("layout") == _LAYOUT else ""
+
+
+def holds_parts(folder: Path) -> bool:
+    """Return whether a folder has a manifest, without which nothing was finished."""
+    return _manifest_in(folder) is not None
+
+
+def _manifest_in(folder: Path) -> Path | None:
+    return next((file for file in (folder / _MANIFEST, *folder.glob(f"*/{_MANIFEST}")) if file.is_file()), None)
 
 
 class FileSpool:

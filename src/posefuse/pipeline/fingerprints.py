@@ -10,7 +10,7 @@ from platform import python_version
 from typing import Any
 
 from posefuse.errors import choices
-from posefuse.io.checkpoints import digest_of, key_in
+from posefuse.io.checkpoints import digest_of, holds_parts, key_in
 from posefuse.io.files import CHECKPOINT_FOLDER, RESULT_FILES, check_folder_marker, replacing
 from posefuse.io.open_recording import digest_path
 from posefuse.io.outputs import exists_error
@@ -142,6 +142,9 @@ def find_earlier(output: Path, candidates: Sequence[RecordingKeys]) -> Mark | No
     if parts.is_dir() and key_in(parts) in [keys.parts for keys in candidates]:
         return None
     found = sorted((name for name in names if name != CHECKPOINT_FOLDER), key=lambda name: name != RESULT)
+    if not found and not holds_parts(parts):
+        # A run was killed before it finished anything.
+        return None
     what = f"a result ({choices(found, _MOST_NAMES)})" if found else "an unfinished reconstruction"
     raise exists_error(f"{output} already contains {what} of other inputs, options or versions")
 

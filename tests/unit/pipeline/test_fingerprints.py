@@ -68,6 +68,15 @@ def test_only_the_own_checkpoint_resumes(tmp_path):
         find_earlier(tmp_path, [others])
 
 
+def test_run_killed_before_its_first_part_is_repeated(tmp_path):
+    (tmp_path / ".parts" / "tracking").mkdir(parents=True)
+    (tmp_path / ".parts" / "manifest.json.partial").write_text("{")
+    assert find_earlier(tmp_path, [recording_keys(INPUTS, Options())]) is None
+    (tmp_path / ".parts" / "thesis.txt").write_text("text")
+    with pytest.raises(FileError, match="files that are not parts"):
+        find_earlier(tmp_path, [recording_keys(INPUTS, Options())])
+
+
 def test_path_of_a_skeleton_does_not_count(tmp_path):
     for name in ("a", "b"):
         (tmp_path / f"{name}.toml").write_text("same")
