@@ -274,7 +274,7 @@ def key_in(folder: Path) -> str:
 
 
 def holds_parts(folder: Path) -> bool:
-    """Return whether a folder has a manifest, without which nothing was finished."""
+    """Return whether a folder has a manifest, which is written before the first part."""
     return _manifest_in(folder) is not None
 
 

@@ -125,7 +125,8 @@ def find_earlier(output: Path, candidates: Sequence[RecordingKeys]) -> Mark | No
         candidates: keys that count as the same.
 
     Returns:
-        The mark; None if the reconstruction is to be run: its checkpoint is there, or some of its files are missing.
+        The mark; None if the reconstruction is to be run: its checkpoint is there, some of its files are missing, or an
+        interrupted run stored nothing.
 
     Raises:
         OutputExistsError: if the folder contains another result, or the checkpoint of another reconstruction.
@@ -143,7 +144,7 @@ def find_earlier(output: Path, candidates: Sequence[RecordingKeys]) -> Mark | No
         return None
     found = sorted((name for name in names if name != CHECKPOINT_FOLDER), key=lambda name: name != RESULT)
     if not found and not holds_parts(parts):
-        # A run was killed before it finished anything.
+        # A run was interrupted before it stored its first part.
         return None
     what = f"a result ({choices(found, _MOST_NAMES)})" if found else "an unfinished reconstruction"
     raise exists_error(f"{output} already contains {what} of other inputs, options or versions")
