@@ -44,7 +44,7 @@ def test_band_systems_are_solved_and_inverted(frames, rng):
     m = 4
     system, dense = random_system(rng, frames, m)
     factor = PathFactor(*(np.empty((frames, m, m)) for _ in range(3)))
-    assert factor_path(system, factor, np.empty(m)) == frames
+    assert factor_path(system, factor, np.empty(2 * m)) == frames
     right = rng.normal(size=(frames, m, 3))
     actual = right.copy()
     solve_path(factor, actual, np.empty((m, 3)))
@@ -61,7 +61,7 @@ def test_band_systems_are_solved_and_inverted(frames, rng):
 def test_indefinite_system_is_not_factored(rng):
     system, _ = random_system(rng, 3, 4)
     system.diagonal[1] *= -1.0
-    assert factor_path(system, PathFactor(*(np.empty((3, 4, 4)) for _ in range(3))), np.empty(4)) == 1
+    assert factor_path(system, PathFactor(*(np.empty((3, 4, 4)) for _ in range(3))), np.empty(8)) == 1
 
 
 @pytest.fixture
