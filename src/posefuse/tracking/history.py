@@ -253,15 +253,17 @@ class History:
 
     def _views(self, person: Person, assigned: AssignedKeypoints | None, number: int) -> AssignedViews:
         """Return what the views show of a person, the track with a number."""
-        own, (views, keypoints) = self.settings.node_keypoints, person.used.shape
-        pixels, confidence = np.full((views, keypoints, 2), np.nan), np.full((views, keypoints), np.nan)
-        if assigned is not None and number in assigned.numbers:
-            p = assigned.numbers.index(number)
-            view, keypoint = np.nonzero((assigned.rows[p, :, None] >= 0) & (assigned.labels[p] >= 0))
-            row, label = assigned.rows[p, view], assigned.labels[p, view, keypoint]
-            pixels[view, keypoint] = assigned.keypoints_px[row, label]
-            confidence[view, keypoint] = assigned.confidence[row, label]
-        return AssignedViews(person.rows, person.used, pixels[:, own], confidence[:, own])
+        own, views = self.settings.node_keypoints, len(person.used)
+        if assigned is None or number not in assigned.numbers or not len(assigned.keypoints_px):
+            pixels, confidence = np.full((views, len(own), 2), np.nan), np.full((views, len(own)), np.nan)
+            return AssignedViews(person.rows, person.used, pixels, confidence)
+        p = assigned.numbers.index(number)
+        rows, labels = assigned.rows[p][:, None], assigned.labels[p][:, own]
+        there = (rows >= 0) & (labels >= 0)
+        # A missing row or label, -1, reads the last one.
+        pixels = np.where(there[:, :, None], assigned.keypoints_px[rows, labels], np.nan)
+        confidence = np.where(there, assigned.confidence[rows, labels], np.nan)
+        return AssignedViews(person.rows, person.used, pixels, confidence)
 
     def _put(self, number: int, entry: Entries) -> None:
         place = int(entry.places[0])
