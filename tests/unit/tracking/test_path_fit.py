@@ -78,7 +78,7 @@ def moving(settings: TrackerSettings, rng: np.random.Generator, frames: int = FR
     turns, bones = (np.tile(np.eye(3), (1, len(each), 1, 1)) for each in (tree.segments, tree.bones))
     one = State(
         np.array([[0.1, 0.2, 1.0]]), turns, bones, tree.shape_m[None].copy(), np.zeros((1, tree.n_pose)),
-        np.empty((1, 0, 0)), np.zeros(1, dtype=np.int64),
+        np.zeros((1, tree.n_pose, tree.n_pose)), np.zeros(1, dtype=np.int64),
     )  # fmt: skip
     states = select_states(one, np.zeros(frames, dtype=int))
     change = size * np.cumsum(rng.normal(size=(frames, tree.n_pose)), axis=0)
