@@ -3,6 +3,8 @@
 :class:`posefuse.io.checkpoints.CheckpointFolder` stores parts in a folder; :data:`NO_CHECKPOINT` stores nothing.
 """
 
+from collections.abc import Callable
+from concurrent.futures import Executor
 from typing import Any, Protocol
 
 
@@ -41,6 +43,13 @@ class Checkpoint(Protocol):
         """
         ...
 
+    def begin_save(self, name: str, value: Any, thread: Executor) -> tuple[Any, Callable[[], None]]:
+        """Do the same in a thread, and also return a function that waits until the part is stored.
+
+        Until then, only the thread may append to the part's spools, after the part is stored.
+        """
+        ...
+
     def spool(self, name: str) -> Spool | None:
         """Open the spool that stored parts refer to, truncated to its length at the last :meth:`save`.
 
@@ -69,12 +78,20 @@ class NoCheckpoint:
         """Return the value unchanged."""
         return value
 
+    def begin_save(self, name: str, value: Any, thread: Executor) -> tuple[Any, Callable[[], None]]:
+        """Return the value unchanged, and a function that does nothing."""
+        return value, _nothing
+
     def spool(self, name: str) -> Spool | None:
         """Return None; values stay in memory."""
 
     def child(self, name: str) -> Checkpoint:
         """Return this object."""
         return self
+
+
+def _nothing() -> None:
+    pass
 
 
 NO_CHECKPOINT = NoCheckpoint()

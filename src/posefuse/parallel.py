@@ -181,6 +181,18 @@ class Jobs:
                 following = thread.submit(next, items, end)
                 yield item  # type: ignore[misc]
 
+    @contextlib.contextmanager
+    def thread(self) -> Iterator[ThreadPoolExecutor | None]:
+        """Provide a thread for work that needs no interpreter most of the time; with one job, None.
+
+        Leaving the context waits for its work.
+        """
+        if self._pool is None:
+            yield None
+            return
+        with ThreadPoolExecutor(1) as thread:
+            yield thread
+
     def together(self, *calls: Callable[[], Result]) -> list[Result]:
         """Return the results of calls that wait for workers most of the time; each runs in a thread of its own."""
         if self._pool is None or len(calls) < 2:

@@ -31,7 +31,9 @@ WRONG = {
     "array": np.zeros((2, 5)),
     "object": SimpleNamespace(),
 }
-OTHER_ERRORS = {"CheckpointFolder.save": pickle.UnpicklingError, "CheckpointFolder.save_file": pickle.UnpicklingError}
+OTHER_ERRORS = {
+    f"CheckpointFolder.{method}": pickle.UnpicklingError for method in ("save", "save_file", "begin_save")
+}
 """Errors of Python that are documented: a checkpoint holds no objects of other programs."""
 NOT_CALLED = {"CheckpointFolder.remove", "CheckpointFolder.begin", "Outcome.open"}
 """Methods without arguments, or that delete files."""

@@ -117,6 +117,14 @@ def test_calls_run_together(two_jobs):
     assert ONE_JOB.together(lambda: 1, lambda: 2) == [1, 2]
 
 
+def test_a_thread_ends_its_work(two_jobs):
+    with two_jobs.thread() as thread:
+        work = thread.submit(time.sleep, 0.05)
+    assert work.done()
+    with ONE_JOB.thread() as none:
+        assert none is None
+
+
 def test_a_process_that_dies_is_an_error_that_says_what_to_do():
     with pytest.raises(PosefuseError, match="may have run out of memory.*jobs=1"), Jobs(2) as jobs:
         list(jobs.in_order(die, range(4)))

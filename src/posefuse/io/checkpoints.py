@@ -16,7 +16,8 @@ import shutil
 import struct
 import tempfile
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Self
@@ -28,7 +29,7 @@ from posefuse.arguments import checked
 from posefuse.errors import FileError
 
 _MANIFEST = "manifest.json"
-_LAYOUT = 3
+_LAYOUT = 4
 _NUMBER_BYTES = 8
 _CACHED_NUMBERS = 8192
 _WHOLE = "whole"
@@ -145,6 +146,18 @@ class CheckpointFolder:
     def save(self, name: str, value: Any) -> Any:
         """Store a part, replacing one of the same name, and return it as :meth:`load` would."""
         content = pickle.dumps(value, protocol=5)
+        self._store(name, content)
+        return _loaded(content)
+
+    def begin_save(self, name: str, value: Any, thread: Executor) -> tuple[Any, Callable[[], None]]:
+        """Store a part in a thread; return it as :meth:`load` would, and a function that waits until it is stored.
+
+        Until then, only the thread may append to the part's spools, after the part is stored.
+        """
+        content = pickle.dumps(value, protocol=5)
+        return _loaded(content), thread.submit(self._store, name, content).result
+
+    def _store(self, name: str, content: bytes) -> None:
         packed = _packed(content)
         spools = {each: size for each, size in self._spool_sizes().items() if each.startswith(f"{name}.")}
         head = {"key": self.key, "size": len(content), "spools": spools}
@@ -154,7 +167,6 @@ class CheckpointFolder:
                 with self._spool_path(each).open("rb+") as file:
                     os.fsync(file.fileno())
             self._write(name, {**head, "sha256": _digest(head, packed)}, packed)
-        return _loaded(content)
 
     def _write(self, name: str, head: Mapping[str, Any], packed: bytes) -> None:
         # Another process, possibly on another machine, may write the same part.

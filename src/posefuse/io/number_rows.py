@@ -2,9 +2,11 @@
 
 import numpy as np
 
+from posefuse.arrays import frozen
 from posefuse.kernels.tables.rows import MAX_SCALED, NUMBER_BYTES, NumberCells, WordCells, write_rows
 
-_NO_WORDS = np.zeros(1, dtype=np.uint8), np.zeros(1, dtype=np.int64)
+# The text is read-only like that of words, so that the kernel is compiled once.
+_NO_WORDS = frozen(np.zeros(1), np.uint8), np.zeros(1, dtype=np.int64)
 
 
 def number_rows(values: np.ndarray, decimals: int | np.ndarray, separator: str) -> bytes:

@@ -24,7 +24,7 @@ from llvmlite import binding
 from numba import _dynfunc  # pyright: ignore[reportAttributeAccessIssue]
 from numba.core import types
 from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary
-from numba.core.compiler import CompilerBase, _LowerResult
+from numba.core.compiler import CompilerBase, Flags, _LowerResult
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.typed_passes import (
     IRLegalization,
@@ -45,6 +45,7 @@ class _Compiler(CompilerBase):
 
     def __init__(self, typingctx: Any, *arguments: Any) -> None:
         super().__init__(typingctx, *arguments)
+        self.state.flags = _ComparedFlags(self.state.flags)
         self.state.typingctx = _RememberingContext.of(typingctx, self.state.flags)
 
     def define_pipelines(self) -> list[Any]:
@@ -70,6 +71,23 @@ class _Compiler(CompilerBase):
         finally:
             if collects:
                 gc.enable()
+
+
+class _ComparedFlags(Flags):
+    """Compiler flags that are compared fast.
+
+    They are part of the keys of Numba's tables. Numba's own comparison reads all options, set or not, through
+    properties, which takes a tenth of the compilation.
+    """
+
+    __slots__ = ()
+
+    def __hash__(self) -> int:
+        # Flags change while they are keys.
+        return 0
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Flags) and self._values == other._values
 
 
 class _Passes(PassManager):

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from posefuse.arrays import frozen
+from posefuse.arrays import frozen, kernel_array
 from posefuse.kernels.kinematics.twist import BoneTable, twist_bones
 from posefuse.skeleton.trees import HINGE, Tree
 
@@ -38,9 +38,8 @@ def full_rotations(tree: Tree, turns: np.ndarray, directions: np.ndarray) -> tup
     """
     n_bones, before = len(tree.bones), directions.shape[:-2]
     poses = int(np.prod(before))
-    along = np.ascontiguousarray(directions, dtype=np.float64).reshape(poses, n_bones, 3)
-    of_segments = np.broadcast_to(turns, (*before, *turns.shape[-3:]))
-    of_segments = np.ascontiguousarray(of_segments, dtype=np.float64).reshape(poses, *turns.shape[-3:])
+    along = kernel_array(directions).reshape(poses, n_bones, 3)
+    of_segments = kernel_array(np.broadcast_to(turns, (*before, *turns.shape[-3:]))).reshape(poses, *turns.shape[-3:])
     frames, unseen = np.empty((poses, n_bones, 3, 3)), np.empty((poses, n_bones), dtype=np.bool_)
     twist_bones(_bone_table(tree), of_segments, along, _STRAIGHT, _BENT, frames, unseen)
     return frames.reshape(*before, n_bones, 3, 3), unseen.reshape(*before, n_bones)

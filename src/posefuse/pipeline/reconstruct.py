@@ -44,6 +44,7 @@ from posefuse.pipeline.people.find_subjects import (
     people_notes,
 )
 from posefuse.pipeline.people.stills import STILLS, stills_note
+from posefuse.pipeline.people.tracked_people import TrackedPeople
 from posefuse.pipeline.people.trackers import unmodeled_note
 from posefuse.pipeline.plan import Plan, useful_jobs
 from posefuse.pipeline.solved_layer import LayerSolver, Postprocess, Step
@@ -137,6 +138,9 @@ def prepare(
         scale = scale_factor(sample_points(plan), plan.detections.skeleton, align)
         again = checkpoint.child(f"resized_{plan.detections.n_frames}")
         plan = resize(plan, scale, progress, partial(find, checkpoint=again))
+    if isinstance(plan.bodies, TrackedPeople):
+        # One process estimates priors of the smoother while this one estimates those of the solve.
+        plan = replace(plan, bodies=plan.bodies.with_priors(jobs))
     return with_solver(with_alignment(with_up(with_findings(plan)), scale), jobs)
 
 

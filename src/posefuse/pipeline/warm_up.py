@@ -13,9 +13,11 @@ from posefuse.errors import OptionsError, PosefuseError
 from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native
 from posefuse.model.options.options import Options
+from posefuse.model.options.tracker import TrackerOptions
+from posefuse.model.options.tracking_stages import SingleViewOptions
 from posefuse.pipeline.reconstruct_recording import reconstruct_recording
 from posefuse.progress import Progress, Silent
-from posefuse.synthetic.crowd_options import CrowdOptions
+from posefuse.synthetic.crowd_options import CrowdFaults, CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 from posefuse.synthetic.options import DetectorOptions, SceneOptions
 from posefuse.synthetic.scenes import Scene, simulate
@@ -24,16 +26,25 @@ _DURATION_S = 2.0
 
 
 def _one_subject(folder: Path) -> None:
-    # Swapped labels, so that the search for them is compiled.
-    detector = DetectorOptions(swap_share=0.1)
-    _write(simulate(SceneOptions(duration_s=_DURATION_S, activities=("walk",), detector=detector)), folder)
+    # Swapped labels, so that the search for them is compiled, and feet at rest.
+    scene = SceneOptions(duration_s=_DURATION_S, activities=("stand",), detector=DetectorOptions(swap_share=0.1))
+    _write(simulate(scene), folder)
     for solve in ("frame", "trajectory"):
         reconstruct_recording(folder, folder / solve, Options(solve=solve))
 
 
 def _several_people(folder: Path) -> None:
-    _write(simulate_crowd(CrowdOptions(people=2, duration_s=_DURATION_S)), folder)
-    reconstruct_recording(folder, folder / "result", Options(people="many"))
+    # Hands and faces, people seen by a single view, and bone lengths that become fixed, all within a short time.
+    crowd = CrowdOptions(
+        people=2,
+        cameras=3,
+        duration_s=_DURATION_S,
+        skeleton="coco_wholebody_133",
+        faults=CrowdFaults(miss_share=0.4),
+    )
+    _write(simulate_crowd(crowd), folder)
+    tracker = TrackerOptions(fix_shape_after_s=0.4, single_view=SingleViewOptions(min_history_s=0.1))
+    reconstruct_recording(folder, folder / "result", Options(people="many", tracker=tracker))
 
 
 TASKS: Mapping[str, Callable[[Path], None]] = {"one subject": _one_subject, "several people": _several_people}

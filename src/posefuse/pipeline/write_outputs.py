@@ -98,8 +98,10 @@ def write_outputs(
         stems = zip(people, safe_names(people), strict=True)
         files += [OutputFile(stem, partial(write_figure, person, stem)) for person, stem in stems]
     people = None if gait is None else gait.people
-    files.append(OutputFile(REPORT, partial(_write_report, people, recording)))
+    # The report takes long: written last, it would leave the other processes idle.
+    files = [OutputFile(REPORT, partial(_write_report, people, recording)), *files]
     names, remarks = write_files(result, files, folder, progress, jobs)
+    names = [*names[1:], *names[:1]]
     lines = () if gait is None else gait.summary()
     layer, _ = result.best_layer(result.options.layer)
     return WrittenOutputs(tuple(names), layer, (*unwritten, *remarks), lines)

@@ -2,12 +2,12 @@
 
 import os
 import pickle
-import sys
 import tempfile
 import weakref
 from array import array
 from bisect import bisect_left, bisect_right
-from dataclasses import dataclass, field
+from concurrent.futures import Executor
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from posefuse.kernels.tracking.predict import predict_people
 from posefuse.kernels.tracking.records import State
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.body_states import select_states
+from posefuse.tracking.history_blocks import Block
 from posefuse.tracking.history_entries import AssignedViews, Entries
 from posefuse.tracking.parts import PartTracker
 from posefuse.tracking.records import AssignedKeypoints, PastState, People, Person, Track, TrackedFrame
@@ -94,27 +95,6 @@ class Epoch:
     shape_m: np.ndarray | None
 
 
-@dataclass(eq=False)
-class _Block:
-    """A few seconds of entries, by track number and frame; in a spool once the block is complete."""
-
-    first: int
-    entries: dict[int, dict[int, Entries]] = field(default_factory=dict)
-    spooled_at: int | None = None
-
-    def joined(self, start: int, stop: int) -> dict[int, Entries]:
-        """Return the entries of the frames ``start`` to ``stop`` by track number; not for spooled blocks."""
-        found = {
-            number: [entries[place] for place in sorted(entries) if start <= place < stop]
-            for number, entries in self.entries.items()
-        }
-        return {number: Entries.joined(parts) for number, parts in found.items() if parts}
-
-    def spool(self, spool: Spool) -> None:
-        """Move the entries into a spool."""
-        self.spooled_at, self.entries = spool.add(self.joined(0, sys.maxsize)), {}
-
-
 class _TemporarySpool:
     """An anonymous temporary file that is deleted with this object; see :class:`posefuse.checkpoint.Spool`."""
 
@@ -143,25 +123,40 @@ class History:
     Args:
         settings: Settings of the tracker.
         spool: Storage of older entries; by default an anonymous temporary file that is deleted with the history.
+        thread: Thread that moves entries to the spool; by default the one that adds frames.
     """
 
-    def __init__(self, settings: TrackerSettings, spool: Spool | None = None) -> None:
+    def __init__(self, settings: TrackerSettings, spool: Spool | None = None, thread: Executor | None = None) -> None:
         self.settings = settings
         self.numbers = array("q")
         self.time_s = array("d")
         self.epochs: dict[int, list[Epoch]] = {}
         """By number of the track: ranges of frames in which its bone lengths are the same, in order."""
-        self._blocks: list[_Block] = []
+        self._blocks: list[Block] = []
         self._recent: dict[int, dict[int, Entries]] = {}
-        self._spool = spool or _TemporarySpool()
+        self._spool, self._thread = spool or _TemporarySpool(), thread
 
     def __getstate__(self) -> dict[str, Any]:
         """Return everything but the spool; call :meth:`attach_spool` after unpickling."""
-        return {name: value for name, value in vars(self).items() if name not in ("_spool", "_recent")}
+        self._settle()
+        for block in self._blocks:
+            block.pack()
+        return {name: value for name, value in vars(self).items() if name not in ("_spool", "_thread", "_recent")}
 
-    def attach_spool(self, spool: Spool) -> None:
-        """Use the spool of the history from which this one was pickled."""
-        self._spool, self._recent = spool, {}
+    def attach_spool(self, spool: Spool, thread: Executor | None = None) -> None:
+        """Use the spool of the history from which this one was pickled, and a thread as in the constructor."""
+        self._spool, self._thread, self._recent = spool, thread, {}
+
+    @property
+    def shared_spool(self) -> Spool | None:
+        """The spool to attach to a copy of this history in another process; None if no other process can read it."""
+        self._settle()
+        return None if isinstance(self._spool, _TemporarySpool) else self._spool
+
+    def _settle(self) -> None:
+        """Wait until the thread has moved all complete blocks to the spool."""
+        for block in self._blocks:
+            block.settle()
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -214,10 +209,11 @@ class History:
         self.time_s.append(time_s)
         here = len(self.numbers) - 1
         if not self._blocks or time_s - self.time_s[self._blocks[-1].first] >= _BLOCK_S:
-            self._blocks.append(_Block(here))
+            self._blocks.append(Block(here))
             # A block stays open during the next one, because tracks are confirmed some time after their first frame.
             if len(self._blocks) > 2 and self._blocks[-3].spooled_at is None:
-                self._blocks[-3].spool(self._spool)
+                self._settle()
+                self._blocks[-3].spool(self._spool, self._thread)
         return here
 
     def _add_past(self, number: int, past: list[PastState], here: int) -> bool:
@@ -257,21 +253,23 @@ class History:
 
     def _views(self, person: Person, assigned: AssignedKeypoints | None, number: int) -> AssignedViews:
         """Return what the views show of a person, the track with a number."""
-        own, (views, keypoints) = self.settings.node_keypoints, person.used.shape
-        pixels, confidence = np.full((views, keypoints, 2), np.nan), np.full((views, keypoints), np.nan)
-        if assigned is not None and number in assigned.numbers:
-            p = assigned.numbers.index(number)
-            view, keypoint = np.nonzero((assigned.rows[p, :, None] >= 0) & (assigned.labels[p] >= 0))
-            row, label = assigned.rows[p, view], assigned.labels[p, view, keypoint]
-            pixels[view, keypoint] = assigned.keypoints_px[row, label]
-            confidence[view, keypoint] = assigned.confidence[row, label]
-        return AssignedViews(person.rows, person.used, pixels[:, own], confidence[:, own])
+        own, views = self.settings.node_keypoints, len(person.used)
+        if assigned is None or number not in assigned.numbers or not len(assigned.keypoints_px):
+            pixels, confidence = np.full((views, len(own), 2), np.nan), np.full((views, len(own)), np.nan)
+            return AssignedViews(person.rows, person.used, pixels, confidence)
+        p = assigned.numbers.index(number)
+        rows, labels = assigned.rows[p][:, None], assigned.labels[p][:, own]
+        there = (rows >= 0) & (labels >= 0)
+        # A missing row or label, -1, reads the last one.
+        pixels = np.where(there[:, :, None], assigned.keypoints_px[rows, labels], np.nan)
+        confidence = np.where(there, assigned.confidence[rows, labels], np.nan)
+        return AssignedViews(person.rows, person.used, pixels, confidence)
 
     def _put(self, number: int, entry: Entries) -> None:
         place = int(entry.places[0])
         self._extend_epoch(number, place, entry)
         block = next(block for block in reversed(self._blocks) if block.first <= place)
-        block.entries.setdefault(number, {})[place] = entry
+        block.put(number, place, entry)
 
     def _extend_epoch(self, number: int, place: int, entry: Entries) -> None:
         """Add a frame to the last epoch of a track, or begin one if the track's lengths are reestimated or replaced."""
@@ -311,6 +309,7 @@ class History:
             stop: Index after the last frame.
             only: Number of the only track to return; None for all.
         """
+        self._settle()
         found: dict[int, list[Entries]] = {}
         ends = [*(block.first for block in self._blocks[1:]), len(self.numbers)]
         for block, end in zip(self._blocks, ends, strict=True):
@@ -320,7 +319,7 @@ class History:
                         found.setdefault(number, []).append(entries)
         return [self._run(number, part) for number, parts in found.items() for part in Entries.joined(parts).unbroken()]
 
-    def _entries(self, block: _Block, start: int, stop: int) -> dict[int, Entries]:
+    def _entries(self, block: Block, start: int, stop: int) -> dict[int, Entries]:
         """Return the entries of some frames of a block by track number; blocks read from a spool are cached."""
         if block.spooled_at is None:
             return block.joined(start, stop)

@@ -205,7 +205,8 @@ class PartTracker:
         if part.like >= 0:
             turns = np.ascontiguousarray(bodies.turns[order, part.like])
             block = bodies.turn_covariance[order, part.like] + np.radians(options.anchor_sd_deg) ** 2 * np.eye(3)
-            turn_noise = temper * block[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
+            # Such an index gives an array in Fortran order, for which the kernel would be compiled a second time.
+            turn_noise = temper * np.ascontiguousarray(block[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]])
         places = np.ascontiguousarray(bodies.points_m[order, part.at])
         update_from_anchors(places, temper * noise, turns, turn_noise, np.empty((6, size)), np.empty(size), self.state)
 

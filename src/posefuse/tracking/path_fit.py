@@ -222,8 +222,8 @@ class PathFit:
 
     def factorize(self, system: PathSystem) -> bool:
         """Factor the equations of the poses, which are overwritten; return whether that was possible."""
-        row = np.empty(self.settings.tree.n_pose)
-        return factor_path(system, self.factor, row) == len(self.detections.time_s)
+        scratch = np.empty(2 * self.settings.tree.n_pose)
+        return factor_path(system, self.factor, scratch) == len(self.detections.time_s)
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """Return the solutions of the factored equations, shape (frame, pose, number)."""

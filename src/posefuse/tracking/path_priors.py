@@ -7,11 +7,15 @@ weighted errors over the square of the mean derivative of the weighted errors (H
 follow from the fitted errors.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
+from posefuse.checkpoint import Spool
 from posefuse.kernels.tracking.records import State
+from posefuse.parallel import Jobs
 from posefuse.tracking.backward_pass import smooth_in_place
 from posefuse.tracking.history import History, Run
 from posefuse.tracking.path_fit import (
@@ -120,6 +124,25 @@ def estimate_priors(history: History, settings: TrackerSettings) -> PathPriors |
             found = BodyLengths(sample.start, body.shape_m, body.covariance_m2(motion, inflation))
             lengths.setdefault(sample.number, []).append(found)
     return PathPriors(motion, inflation, lengths)
+
+
+def begin_priors(history: History, jobs: Jobs) -> Callable[[], PathPriors | None] | None:
+    """Begin to estimate the priors of a whole history in another process.
+
+    Returns:
+        A function that waits for the priors; None where they are not needed, or better estimated in this process: with
+        one job, and for a short recording, whose history no other process can read.
+    """
+    spool = None if jobs.number == 1 else history.shared_spool
+    if spool is None or history.settings.options.smoother != "full":
+        return None
+    return cache(jobs.begin(_estimate_elsewhere, (history, spool)))
+
+
+def _estimate_elsewhere(given: tuple[History, Spool]) -> PathPriors | None:
+    history, spool = given
+    history.attach_spool(spool)
+    return estimate_priors(history, history.settings)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ turn from one direction to the other, and corrections are applied as the filter 
 docs/methods/smoothing.md.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,12 +56,18 @@ class PeopleSmoother:
         start: Index of the first frame.
         settings: Settings whose options define the smoother; by default those of the history.
         jobs: Processes that smooth the tracks.
+        wait: Waits for the priors of fitted paths, if their estimation has begun.
     """
 
     def __init__(
-        self, history: History, start: int = 0, settings: TrackerSettings | None = None, jobs: Jobs = ONE_JOB
+        self,
+        history: History,
+        start: int = 0,
+        settings: TrackerSettings | None = None,
+        jobs: Jobs = ONE_JOB,
+        wait: Callable[[], PathPriors | None] | None = None,
     ) -> None:
-        self._jobs = jobs
+        self._jobs, self._wait = jobs, wait
         self.history = history
         self.settings = settings or history.settings
         self.done = start
@@ -86,7 +93,8 @@ class PeopleSmoother:
         """
         options = self.settings.options
         if not self._estimated:
-            self._priors, self._estimated = estimate_priors(self.history, self.settings), True
+            self._priors = self._wait() if self._wait else estimate_priors(self.history, self.settings)
+            self._estimated = True
         people = []
         while self.done < stop:
             if options.smoother == "full":

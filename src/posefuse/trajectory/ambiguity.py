@@ -17,6 +17,11 @@ _MIN_USED_WEIGHT = 0.5
 """Minimum weight of a view that counts as used."""
 
 
+def has_single_views(paths: Paths) -> bool:
+    """Return whether a single view determines any point of a path; others are not ambiguous."""
+    return bool((paths.alive & ((paths.weights > _MIN_USED_WEIGHT).sum(axis=-1) == 1)).any())
+
+
 def find_ambiguous(paths: Paths, jacobians: np.ndarray, bones: Bones, length_m: np.ndarray) -> np.ndarray:
     """Return which points may be at the other position, shape (keypoint, frame), bool.
 

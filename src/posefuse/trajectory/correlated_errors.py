@@ -39,7 +39,7 @@ class ErrorCorrelation:
         """Add the frames of one person."""
         self._step_s = observed.step_s
         used = observed.agreed & np.isfinite(observed.sigma_px)
-        residuals, _ = observed.linear(np.where(np.isfinite(observed.points_m), observed.points_m, 0.0))
+        residuals = observed.residuals_px(np.where(np.isfinite(observed.points_m), observed.points_m, 0.0))
         residual = np.where(used[..., None], residuals / observed.sigma_px[..., None], 0.0)
         size = np.sqrt(np.square(residual).sum(axis=(2, 3)))
         freedom = np.maximum(2 * used.sum(axis=-1) - 3, 0)

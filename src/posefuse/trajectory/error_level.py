@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from posefuse.kernels.trajectory.observation_terms import whiten_errors
+from posefuse.kernels.trajectory.observation_terms import scale_residuals, whiten_errors
 from posefuse.trajectory.observations import PersonObservations
 from posefuse.trajectory.paths import CONSTANT_LEVEL_STRENGTH, PersonPriors
 
@@ -47,13 +47,10 @@ class ErrorLevel:
         """
         observed = self.observed
         there = np.asarray(np.isfinite(observed.points_m).all(axis=-1))
-        residuals, _ = observed.linear(np.where(there[..., None], observed.points_m, 0.0))
-        used = observed.agreed & np.isfinite(observed.sigma_px) & np.isfinite(residuals[..., 0]) & there[..., None]
-        count = used.sum(axis=-1)
-        used &= (count > 1)[..., None]
-        left = (np.maximum(2.0 * count - 3.0, 1.0) / np.maximum(2.0 * count, 1.0))[..., None]
-        scaled = np.where(used[..., None], residuals / observed.sigma_px[..., None], 0.0) / np.sqrt(left)[..., None]
-        return scaled, np.where(used, left, 0.0)
+        scaled = observed.residuals_px(np.where(there[..., None], observed.points_m, 0.0))
+        left = np.empty(observed.sigma_px.shape)
+        scale_residuals(observed.sigma_px, observed.agreed & there[..., None], scaled, left)
+        return scaled, left
 
     @cached_property
     def unit_scale(self) -> np.ndarray:

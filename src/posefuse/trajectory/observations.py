@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from posefuse.arrays import kernel_array
-from posefuse.kernels.cameras.linearize import LINEAR_ROWS, linearize, linearize_paths
+from posefuse.kernels.cameras.linearize import LINEAR_ROWS, linearize, linearize_paths, residuals_px
 from posefuse.kernels.cameras.observation_rows import BLOCK
 from posefuse.kernels.trajectory.blocks import n_blocks
 from posefuse.model.cameras import CameraRig
@@ -128,6 +128,10 @@ class PersonObservations:
     def linear(self, paths_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return residuals (keypoint, frame, view, 2) in px, projected minus observed, and derivatives (..., 2, 3)."""
         return linearize(self.rig.packed, kernel_array(paths_m), kernel_array(self.pixels))
+
+    def residuals_px(self, paths_m: np.ndarray) -> np.ndarray:
+        """Return residuals (keypoint, frame, view, 2) in px, projected minus observed, NaN where undefined."""
+        return residuals_px(self.rig.packed, kernel_array(paths_m), kernel_array(self.pixels))
 
 
 def _of_rows(values: np.ndarray, rows: np.ndarray) -> np.ndarray:

@@ -37,10 +37,8 @@ from posefuse.trajectory.smoothness import Smoothness, alive_frames
 _RIDGE = 1e-5
 """Regularization as a fraction of the information of a frame; it fixes otherwise undetermined points."""
 
-
 _FIXED_WEIGHT_ROUNDS = 2
 """Number of initial rounds with the view weights of the measured points."""
-
 
 _MIN_AGREEING, _MIN_CONSECUTIVE = 3, 3
 """This many views that agree on a point, for this many consecutive frames, force the path to follow."""
@@ -111,19 +109,25 @@ class PathSolver:
 
     def smooth(self, person_priors: PersonPriors) -> Paths:
         """Run all rounds, for each batch of connected keypoints until its paths settle."""
-        initial = Paths.initial(self.observed, self.smoothness, self.options)
-        batches = self.bones.batches
+        initial, batches = Paths.initial(self.observed, self.smoothness, self.options), self.bones.batches
+        scale = self.error_level.scale(person_priors)
         if len(batches) < 2:
-            return self._settle(initial, person_priors)
+            return self._settle(initial, person_priors, scale)
         found = []
         for keypoints in batches:
             solver, priors = self._of_keypoints(keypoints, person_priors)
-            found.append((keypoints, solver._settle(initial.of_keypoints(keypoints), priors)))
+            found.append((keypoints, solver._settle(initial.of_keypoints(keypoints), priors, scale[keypoints])))
         return Paths.joined(found)
 
-    def _settle(self, paths: Paths, person_priors: PersonPriors) -> Paths:
-        """Perform rounds until all paths settle, at most as many as the options say."""
-        scale, min_agreeing = self.error_level.scale(person_priors), self._min_agreeing_views(person_priors)
+    def _settle(self, paths: Paths, person_priors: PersonPriors, scale: np.ndarray) -> Paths:
+        """Perform rounds until all paths settle, at most as many as the options say.
+
+        Args:
+            paths: initial paths.
+            person_priors: of the person.
+            scale: shape (keypoint, frame, view): error level of each view relative to its usual one.
+        """
+        min_agreeing = self._min_agreeing_views(person_priors)
         for number in range(_FIXED_WEIGHT_ROUNDS + self.options.iterations):
             before, keep = paths, number < _FIXED_WEIGHT_ROUNDS
             paths = self.perform_round(paths, person_priors, scale, keep_weights=keep, min_agreeing=min_agreeing)

@@ -12,7 +12,7 @@ from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import PointStatus, Source, ViewStatus, status_of_views
 from posefuse.model.tracks import TrackState
-from posefuse.trajectory.ambiguity import find_ambiguous
+from posefuse.trajectory.ambiguity import find_ambiguous, has_single_views
 from posefuse.trajectory.bones import Bones
 from posefuse.trajectory.ground_contact import FindContact, GroundContact
 from posefuse.trajectory.observations import MeasuredRange, PersonObservations, swapped_pairs
@@ -112,8 +112,10 @@ def _solve_person(
     paths = solver.solve(person_priors, contact_of if find_contact else None)
     before = np.asarray(measured_range.layer.status)[:, person].T
     status = point_statuses(paths, before, options.max_sd_share * recording_priors.size_m[person])
-    residuals, jacobians = observed.linear(paths.paths_m)
-    is_ambiguous = find_ambiguous(paths, jacobians, bones, person_priors.length_m)
+    residuals = observed.residuals_px(paths.paths_m)
+    is_ambiguous = np.zeros(status.shape, dtype=np.bool_)
+    if has_single_views(paths):
+        is_ambiguous = find_ambiguous(paths, observed.linear(paths.paths_m)[1], bones, person_priors.length_m)
     is_ambiguous &= (status < PointStatus.NOT_SEEN) & (before >= PointStatus.NOT_SEEN)
     status[is_ambiguous] = PointStatus.UNCERTAIN
     status[:, absent] = PointStatus.ABSENT

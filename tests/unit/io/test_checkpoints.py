@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -296,6 +297,20 @@ class TestParts:
         path.write_bytes(damaged)
         with pytest.raises(FileError, match="damaged at byte 0. Remove .*parts"):
             spool.read(place)
+
+    def test_thread_stores_the_same_part(self, tmp_path):
+        parts = CheckpointFolder(tmp_path / "parts", "key")
+        spool, value = parts.spool("a.b"), {"numbers": np.arange(3.0)}
+        spool.add(1)
+        with ThreadPoolExecutor(1) as thread:
+            kept, wait = parts.begin_save("a", value, thread)
+            later = thread.submit(spool.add, "what no part knows of")
+            wait()
+        value["numbers"][:] = 0.0
+        for each in (kept, parts.load("a")):
+            np.testing.assert_array_equal(each["numbers"], np.arange(3.0))
+        assert (tmp_path / "parts" / "a.b.spool").stat().st_size == later.result()
+        assert NO_CHECKPOINT.begin_save("a", value, thread)[0] is value
 
     def test_spool_is_truncated_to_the_length_of_its_part(self, tmp_path):
         parts = CheckpointFolder(tmp_path / "parts", "key")

@@ -106,10 +106,10 @@ def test_symmetric_systems_are_solved_and_inverted(n, rng):
     np.testing.assert_allclose(
         found * units, np.linalg.solve(matrix / np.outer(units, units), vector / units), rtol=1e-6
     )
-    assert invert(inverse, n, np.full(n, np.nan))
+    assert invert(inverse, n, np.full(2 * n, np.nan))
     np.testing.assert_allclose(inverse * np.outer(units, units), np.linalg.inv(half @ half.T), rtol=1e-6, atol=1e-9)
     assert not factor(-matrix, n)
-    assert not invert(-matrix, n, np.empty(n))
+    assert not invert(-matrix, n, np.empty(2 * n))
 
 
 def people(tree: Tree, rng: np.random.Generator, spread: float) -> State:

@@ -44,7 +44,7 @@ def test_band_systems_are_solved_and_inverted(frames, rng):
     m = 4
     system, dense = random_system(rng, frames, m)
     factor = PathFactor(*(np.empty((frames, m, m)) for _ in range(3)))
-    assert factor_path(system, factor, np.empty(m)) == frames
+    assert factor_path(system, factor, np.empty(2 * m)) == frames
     right = rng.normal(size=(frames, m, 3))
     actual = right.copy()
     solve_path(factor, actual, np.empty((m, 3)))
@@ -61,7 +61,7 @@ def test_band_systems_are_solved_and_inverted(frames, rng):
 def test_indefinite_system_is_not_factored(rng):
     system, _ = random_system(rng, 3, 4)
     system.diagonal[1] *= -1.0
-    assert factor_path(system, PathFactor(*(np.empty((3, 4, 4)) for _ in range(3))), np.empty(4)) == 1
+    assert factor_path(system, PathFactor(*(np.empty((3, 4, 4)) for _ in range(3))), np.empty(8)) == 1
 
 
 @pytest.fixture
@@ -78,7 +78,7 @@ def moving(settings: TrackerSettings, rng: np.random.Generator, frames: int = FR
     turns, bones = (np.tile(np.eye(3), (1, len(each), 1, 1)) for each in (tree.segments, tree.bones))
     one = State(
         np.array([[0.1, 0.2, 1.0]]), turns, bones, tree.shape_m[None].copy(), np.zeros((1, tree.n_pose)),
-        np.empty((1, 0, 0)), np.zeros(1, dtype=np.int64),
+        np.zeros((1, tree.n_pose, tree.n_pose)), np.zeros(1, dtype=np.int64),
     )  # fmt: skip
     states = select_states(one, np.zeros(frames, dtype=int))
     change = size * np.cumsum(rng.normal(size=(frames, tree.n_pose)), axis=0)

@@ -6,19 +6,22 @@ import numpy as np
 import pytest
 from benchmarks.walking import walk
 
+from posefuse.checkpoint import Spool
+from posefuse.io.checkpoints import CheckpointFolder
 from posefuse.kernels.tracking.records import State
 from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.options.tracking_motion import MotionOptions
 from posefuse.model.tracks import TrackState
+from posefuse.parallel import ONE_JOB, Jobs
 from posefuse.pipeline.people import default_noise, tracker_of
 from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 from posefuse.tracking import smoothing
 from posefuse.tracking.history import History
-from posefuse.tracking.path_priors import PathPriors, estimate_priors
+from posefuse.tracking.path_priors import PathPriors, begin_priors, estimate_priors
 from posefuse.tracking.smoothing import PeopleSmoother, SmoothedPerson
 
 REGION_68, REGION_95 = 3.506, 7.815
@@ -35,11 +38,11 @@ def history(scene) -> History:
     return record(scene)
 
 
-def record(scene: CrowdScene, options: Options | None = None) -> History:
+def record(scene: CrowdScene, options: Options | None = None, spool: Spool | None = None) -> History:
     options = options or Options()
     noise = default_noise(scene.rig, options)
     tracker = tracker_of(scene.rig, scene.detections.skeleton, noise, options)
-    history = History(tracker.settings)
+    history = History(tracker.settings, spool)
     for f in range(scene.detections.n_frames):
         history.add(tracker, tracker.process(Frame.of(scene.detections, f)))
     return history
@@ -110,6 +113,24 @@ def test_the_same_history_gives_the_same_priors(history):
     assert isinstance(second, PathPriors)
     np.testing.assert_array_equal(first.motion.power, second.motion.power)
     assert first.inflation == second.inflation
+
+
+def test_priors_estimated_in_another_process_are_the_same(scene, history, tmp_path):
+    stored = record(scene, spool=CheckpointFolder(tmp_path / "parts", "key").spool("a.b"))
+    with Jobs(2) as jobs:
+        assert begin_priors(history, jobs) is None  # no other process can read its temporary file
+        wait = begin_priors(stored, jobs)
+        assert wait is not None
+        found, expected = wait(), estimate_priors(history, history.settings)
+        assert wait() is found
+    assert found is not None
+    assert expected is not None
+    np.testing.assert_array_equal(found.motion.power, expected.motion.power)
+    assert found.inflation == expected.inflation
+    for number, bodies in expected.bodies.items():
+        for each, other in zip(found.bodies[number], bodies, strict=True):
+            np.testing.assert_array_equal(each.covariance_m2, other.covariance_m2)
+    assert begin_priors(stored, ONE_JOB) is None
 
 
 def test_calm_motion_gets_a_low_density(history):

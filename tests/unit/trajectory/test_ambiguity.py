@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from posefuse.trajectory.ambiguity import find_ambiguous
+from posefuse.trajectory.ambiguity import find_ambiguous, has_single_views
 from posefuse.trajectory.bones import Bones
 from posefuse.trajectory.paths import Paths
 from tests.unit.trajectory.path_problems import ARM
@@ -60,3 +60,8 @@ def test_path_without_two_views_is_ambiguous():
 def test_without_a_bone_no_point_is_ambiguous():
     observed = np.arange(FRAMES) < 5
     assert not find_ambiguous(*turning(observed), BONES, np.array([0.3, np.nan])).any()
+
+
+def test_points_of_two_views_need_no_check():
+    assert not has_single_views(turning(np.ones(FRAMES, dtype=bool))[0])
+    assert has_single_views(turning(np.arange(FRAMES) != 7)[0])

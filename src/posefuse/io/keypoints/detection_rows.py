@@ -13,8 +13,8 @@ from posefuse.io.files import reading
 from posefuse.io.parquet_files import check_row_groups
 from posefuse.lazy_array import LazyArray
 
-_KEPT_GROUPS, _MAX_KEPT_BYTES = 3, 80_000_000
-"""Number of row groups of a column that stay in memory, and the size beyond which none does."""
+_MAX_KEPT_BYTES = 80_000_000
+"""Size of the last row groups of a column that stay in memory. A range of frames takes one of every table."""
 
 
 @dataclass(frozen=True)
@@ -250,15 +250,23 @@ class _PersonRows(LazyArray):
                 f"{self._index.files[f]}: {self._column} has {len(values)} people, but other columns have a different "
                 "number. Is the file truncated?"
             )
-        if values.nbytes <= _MAX_KEPT_BYTES:
-            # Ranges of frames are read with those around them, and several stages read them. A new dictionary, because
-            # threads may read at the same time.
-            self._recent = {**dict(list(self._recent.items())[1 - _KEPT_GROUPS :]), (f, group): values}
+        # Ranges of frames are read with those around them, and several stages read them. A new dictionary, because
+        # threads may read at the same time.
+        self._recent = _last_within({**self._recent, (f, group): values}, _MAX_KEPT_BYTES)
         return values
 
     def _values(self, column: Any) -> np.ndarray:
         """Return the numbers of the people of a row group."""
         raise NotImplementedError
+
+
+def _last_within(groups: dict[tuple[int, int], np.ndarray], max_bytes: int) -> dict[tuple[int, int], np.ndarray]:
+    """Return the last groups whose sizes sum up to at most ``max_bytes``, in the same order."""
+    kept = list(groups.items())
+    size = sum(values.nbytes for _, values in kept)
+    while size > max_bytes:
+        size -= kept.pop(0)[1].nbytes
+    return dict(kept)
 
 
 class NumberRows(_PersonRows):

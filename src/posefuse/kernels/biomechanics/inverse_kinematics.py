@@ -59,7 +59,7 @@ class Work(NamedTuple):
         hessian: shape (n, n).
         factor: shape (n, n).
         gradient: shape (n,).
-        step: shape (n,).
+        step: shape (2 n,): step of the coordinates, and scratch.
         jacobian: shape (3, n).
         position_m: shape (3,).
     """
@@ -74,7 +74,7 @@ class Work(NamedTuple):
     @classmethod
     def allocate(cls, n: int) -> "Work":
         """Return arrays for n coordinates."""
-        return cls(np.empty((n, n)), np.empty((n, n)), np.empty(n), np.empty(n), np.empty((3, n)), np.empty(3))
+        return cls(np.empty((n, n)), np.empty((n, n)), np.empty(n), np.empty(2 * n), np.empty((3, n)), np.empty(3))
 
 
 @subroutine

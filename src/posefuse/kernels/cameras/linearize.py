@@ -61,6 +61,48 @@ def _store_linear(rows, codes, v, point, out):
             out[(5 + i) * BLOCK + j] = (rows[v, 4 + i, j] - s * rows[v, 8 + i, j]) * inverse if valid else 0.0
 
 
+@kernel
+def linearize_views(cameras, paths, pixels, residuals, jacobians):
+    """Linearize the observations of all paths, see :func:`linearize`.
+
+    Args:
+        cameras: the camera array.
+        paths: shape (keypoint, frame, 3).
+        pixels: shape (keypoint, frame, view, 2), NaN where missing.
+        residuals: shape (keypoint, frame, view, 2), px, written.
+        jacobians: shape (keypoint, frame, view, 2, 3), written; shape (0, frame, view, 2, 3) to write residuals only.
+    """
+    n_views = cameras.shape[0]
+    block = np.empty((n_views, 2, BLOCK))
+    codes = np.empty((n_views, BLOCK), np.int64)
+    rows = np.empty((n_views, 12, BLOCK))
+    scratch = np.empty((6, BLOCK))
+    point = np.empty((3, BLOCK))
+    linear = np.empty(LINEAR_ROWS * BLOCK)
+    frames = paths.shape[1]
+    for k in range(paths.shape[0]):
+        for first in range(0, frames, BLOCK):
+            for j in range(BLOCK):
+                f = min(first + j, frames - 1)
+                for i in range(3):
+                    point[i, j] = paths[k, f, i]
+                for v in range(n_views):
+                    block[v, 0, j] = pixels[k, f, v, 0]
+                    block[v, 1, j] = pixels[k, f, v, 1]
+            for v in range(n_views):
+                rows_block(cameras, v, block, codes, rows, scratch)
+                _store_linear(rows, codes, v, point, linear)
+                for j in range(min(BLOCK, frames - first)):
+                    f = first + j
+                    residuals[k, f, v, 0] = linear[j]
+                    residuals[k, f, v, 1] = linear[BLOCK + j]
+                    if jacobians.shape[0] > 0:
+                        valid = linear[j] == linear[j]
+                        for i in range(3):
+                            jacobians[k, f, v, 0, i] = linear[(2 + i) * BLOCK + j] if valid else math.nan
+                            jacobians[k, f, v, 1, i] = linear[(5 + i) * BLOCK + j] if valid else math.nan
+
+
 def linearize(cameras: np.ndarray, paths: np.ndarray, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return residuals (keypoint, frame, view, 2) in px, and their derivatives (..., 2, 3); NaN where undefined.
 
@@ -69,12 +111,13 @@ def linearize(cameras: np.ndarray, paths: np.ndarray, pixels: np.ndarray) -> tup
         paths: shape (keypoint, frame, 3).
         pixels: shape (keypoint, frame, view, 2), NaN where missing.
     """
-    keypoints, frames, views, _ = pixels.shape
-    blocks = -(-frames // BLOCK)
-    linear = np.empty((keypoints, blocks, views, LINEAR_ROWS * BLOCK))
-    linearize_paths(cameras, paths, pixels, linear)
-    rows = linear.reshape(keypoints, blocks, views, LINEAR_ROWS, BLOCK).transpose(0, 1, 4, 2, 3)
-    rows = rows.reshape(keypoints, blocks * BLOCK, views, LINEAR_ROWS)[:, :frames]
-    residuals = np.ascontiguousarray(rows[..., :2])
-    jacobians = rows[..., 2:].reshape(keypoints, frames, views, 2, 3)
-    return residuals, np.where(np.isnan(residuals[..., :1, None]), np.nan, jacobians)
+    residuals, jacobians = np.empty(pixels.shape), np.empty((*pixels.shape, 3))
+    linearize_views(cameras, paths, pixels, residuals, jacobians)
+    return residuals, jacobians
+
+
+def residuals_px(cameras: np.ndarray, paths: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """Return the residuals that :func:`linearize` returns, which take a fraction of the memory of the derivatives."""
+    residuals = np.empty(pixels.shape)
+    linearize_views(cameras, paths, pixels, residuals, np.empty((0, *pixels.shape[1:], 3)))
+    return residuals

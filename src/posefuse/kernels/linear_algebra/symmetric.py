@@ -37,43 +37,90 @@ def cholesky_solve(lower, n, vector):
 
 
 @vectorized
-def invert(matrix, n, row):
+def invert(matrix, n, scratch):
     """Invert the first ``n`` rows and columns in place, from their lower triangle; return True if positive definite.
 
     The method sweeps every pivot (J. H. Goodnight, "A tutorial on the SWEEP operator", The American Statistician 33,
     1979).
     It needs as many operations as a Cholesky factor and its inverse, but along rows, which suits vector instructions: a
-    third of the time.
+    third of the time. Two pivots are swept at a time, so that the matrix is read and written half as often.
 
     Args:
         matrix: shape (at least n, at least n), in and out; undefined if not positive definite.
         n: number of rows and columns.
-        row: shape (at least n,), scratch.
+        scratch: shape (at least 2 n,).
     """
-    for k in range(n):
-        pivot = matrix[k, k]
-        if not pivot > 0.0:
+    one = scratch[:n]
+    two = scratch[n : 2 * n]
+    for k in range(0, n - 1, 2):
+        if not _sweep_two(matrix, n, k, one, two):
             return False
-        scale = 1.0 / pivot
-        for j in range(k):
-            row[j] = matrix[k, j]
-        for i in range(k + 1, n):
-            row[i] = matrix[i, k]
-        for i in range(n):
-            if i == k:
-                continue
-            multiplier = row[i] * scale
-            for j in range(i + 1):
-                matrix[i, j] -= multiplier * row[j]
-        for j in range(k):
-            matrix[k, j] = row[j] * scale
-        for i in range(k + 1, n):
-            matrix[i, k] = row[i] * scale
-        matrix[k, k] = -scale
+    if n % 2 == 1 and not _sweep_last(matrix, n, one):
+        return False
     for i in range(n):
         for j in range(i + 1):
             matrix[i, j] = -matrix[i, j]
             matrix[j, i] = matrix[i, j]
+    return True
+
+
+@vectorized
+def _sweep_two(matrix, n, k, one, two):
+    """Sweep the pivots ``k`` and ``k + 1``; return whether they are positive."""
+    m = k + 1
+    for j in range(k):
+        one[j] = matrix[k, j]
+        two[j] = matrix[m, j]
+    for i in range(m + 1, n):
+        one[i] = matrix[i, k]
+        two[i] = matrix[i, m]
+    one[k] = one[m] = two[k] = two[m] = 0.0
+    if not matrix[k, k] > 0.0:
+        return False
+    first = 1.0 / matrix[k, k]
+    link = matrix[m, k] * first
+    pivot = matrix[m, m] - link * matrix[m, k]
+    if not pivot > 0.0:
+        return False
+    second = 1.0 / pivot
+    for j in range(n):
+        two[j] -= link * one[j]
+    for i in range(n):
+        if k <= i <= m:
+            continue
+        a = one[i] * first
+        b = two[i] * second
+        for j in range(i + 1):
+            matrix[i, j] -= a * one[j] + b * two[j]
+    link_second = link * second
+    for j in range(k):
+        matrix[k, j] = one[j] * first - two[j] * link_second
+        matrix[m, j] = two[j] * second
+    for i in range(m + 1, n):
+        matrix[i, k] = one[i] * first - two[i] * link_second
+        matrix[i, m] = two[i] * second
+    matrix[k, k] = -first - link * link_second
+    matrix[m, k] = link_second
+    matrix[m, m] = -second
+    return True
+
+
+@vectorized
+def _sweep_last(matrix, n, row):
+    """Sweep the last pivot; return whether it is positive."""
+    k = n - 1
+    if not matrix[k, k] > 0.0:
+        return False
+    scale = 1.0 / matrix[k, k]
+    for j in range(k):
+        row[j] = matrix[k, j]
+    for i in range(k):
+        multiplier = row[i] * scale
+        for j in range(i + 1):
+            matrix[i, j] -= multiplier * row[j]
+    for j in range(k):
+        matrix[k, j] = row[j] * scale
+    matrix[k, k] = -scale
     return True
 
 

@@ -45,18 +45,18 @@ def _subtract_scaled_columns(left, factors, m, out):
 
 
 @kernel
-def factor_path(system, factor, row):
+def factor_path(system, factor, scratch):
     """Factor the matrix of a system, whose blocks are overwritten; return the number of completed frames.
 
     Args:
         system: PathSystem with pose columns only; diagonal and next are overwritten.
         factor: PathFactor, written.
-        row: shape (pose,), scratch.
+        scratch: shape (2 * pose,).
     """
     frames, m = system.gradient.shape
     for t in range(frames):
         block = system.diagonal[t]
-        if not invert(block, m, row):
+        if not invert(block, m, scratch):
             return t
         for i in range(m):
             for j in range(m):

@@ -63,9 +63,10 @@ def refilter(dt_s, motion, filtered, fraction, discount, state, information):
     m = n + h if filtered.free[0] != 0 else n
     n_bones = filtered.bones.shape[1]
     workspace = _Workspace(
-        decay=np.empty(n), reach=np.empty(n), change=np.empty(2 * n + h), force=np.empty(n + h), row=np.empty(n + h),
-        predicted_information=np.empty((n + h, n + h)), frame_information=np.empty((n + h, n + h)),
-        prior_information=np.empty((n + h, n + h)), posterior_information=np.empty((n + h, n + h)),
+        decay=np.empty(n), reach=np.empty(n), change=np.empty(2 * n + h), force=np.empty(n + h),
+        row=np.empty(2 * (n + h)), predicted_information=np.empty((n + h, n + h)),
+        frame_information=np.empty((n + h, n + h)), prior_information=np.empty((n + h, n + h)),
+        posterior_information=np.empty((n + h, n + h)),
         gain=np.empty((n, n + h)), cross=np.empty((n, n + h)), rotation=np.empty((n_bones, 2)),
         tilted=np.empty((3, 3)),
     )  # fmt: skip

@@ -101,12 +101,12 @@ def smoother_gains(dt_s, motion, state, gains, remainder):
     n, rows = state.velocity.shape[1], gains.shape[1]
     m = rows - n
     inverse = np.empty((rows, rows))
-    decay, reach, row = np.empty(n), np.empty(n), np.empty(rows)
+    decay, reach, scratch = np.empty(n), np.empty(n), np.empty(2 * rows)
     for k in range(gains.shape[0]):
         dt = dt_s[k]
         velocity_decay(dt, motion.decay_s, decay, reach)
         predict_covariance(state.covariance[k], dt, motion, decay, reach, m, rows, inverse)
-        if not invert(inverse, rows, row):
+        if not invert(inverse, rows, scratch):
             return k
         _gain(inverse, dt, motion, decay, reach, m, gains[k])
         _remainder(gains[k], dt, motion, decay, reach, m, remainder[k])
@@ -206,18 +206,18 @@ def add_information(information, fraction, free, n_pose, covariance):
         Number of completed frames; fewer than all if rounding made a covariance indefinite.
     """
     size = information.shape[1]
-    inverse, row = np.empty((size, size)), np.empty(size)
+    inverse, scratch = np.empty((size, size)), np.empty(2 * size)
     for k in range(free.shape[0]):
         m = size if free[k] != 0 else n_pose
         for i in range(m):
             for j in range(i + 1):
                 inverse[i, j] = covariance[k, i, j]
-        if not invert(inverse, m, row):
+        if not invert(inverse, m, scratch):
             return k
         for i in range(m):
             for j in range(i + 1):
                 inverse[i, j] += fraction * information[k, i, j]
-        if not invert(inverse, m, row):
+        if not invert(inverse, m, scratch):
             return k
         for i in range(m):
             for j in range(m):

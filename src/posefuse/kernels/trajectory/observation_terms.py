@@ -134,6 +134,33 @@ def _weigh_block(own, block, full_squared, slope):
 
 
 @kernel
+def scale_residuals(sigma, agreed, residuals, left):
+    """Scale residuals at measured points to errors in sigmas: a point absorbs three of the numbers that determine it.
+
+    Args:
+        sigma: shape (keypoint, frame, view), px, inf where an observation does not count.
+        agreed: the same shape, bool: whether the measured point uses the observation.
+        residuals: shape (keypoint, frame, view, 2): in px, NaN where undefined; overwritten, 0 where not used.
+        left: shape (keypoint, frame, view), written: fraction of the variance that residuals retain; 0 if not used.
+    """
+    n_views = sigma.shape[2]
+    for k in range(sigma.shape[0]):
+        for f in range(sigma.shape[1]):
+            count = 0
+            for v in range(n_views):
+                used = agreed[k, f, v] & (sigma[k, f, v] < math.inf) & math.isfinite(residuals[k, f, v, 0])
+                left[k, f, v] = 1.0 if used else 0.0
+                count += 1 if used else 0
+            retained = max(2.0 * count - 3.0, 1.0) / max(2.0 * count, 1.0)
+            root = math.sqrt(retained)
+            for v in range(n_views):
+                used = (count > 1) & (left[k, f, v] > 0.0)
+                left[k, f, v] = retained if used else 0.0
+                for i in range(2):
+                    residuals[k, f, v, i] = residuals[k, f, v, i] / sigma[k, f, v] / root if used else 0.0
+
+
+@kernel
 def whiten_errors(residuals, sigma, used, correlation, squares, counts):
     """Compute squared innovations of errors: the part that does not follow from the last observed error, in sigmas.
 

@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -105,7 +106,7 @@ def track_people(
         progress: receives the progress.
         checkpoint: stores the state every ``chunk_frames``. If it does, an interruption ends the recording there.
         tracker: tracker that has processed all frames before the first; a new one if it is None.
-        jobs: with several, a thread reads ahead.
+        jobs: with several, a thread reads ahead and another one stores.
 
     Raises:
         DetectionsError: if frames have no times.
@@ -119,10 +120,15 @@ def track_people(
     progress.advance(stage.done)
     try:
         spans = [span for span in ranges(detections.n_frames, options.chunk_frames) if span[0] >= stage.done]
-        for chunk, (start, stop) in zip(jobs.ahead(detections.frames(*span) for span in spans), spans, strict=True):
-            stage.advance(chunk, times_s[start:stop])
-            stage = stage.save(checkpoint)
-            progress.advance(stop - start)
+        chunks = zip(jobs.ahead(detections.frames(*span) for span in spans), spans, strict=True)
+        with jobs.thread() as thread:
+            store = _Store(checkpoint, thread)
+            stage.attach(store)
+            for chunk, (start, stop) in chunks:
+                stage.advance(chunk, times_s[start:stop])
+                stage = store.save(stage)
+                progress.advance(stop - start)
+            store.wait()
     except KeyboardInterrupt:
         saved = _Stage.load(checkpoint)
         if saved is None or not checkpoint.enabled:
@@ -216,31 +222,57 @@ class _Stage:
     def load(cls, checkpoint: Checkpoint) -> "_Stage | None":
         """Return the last state that was saved, or None."""
         stage = checkpoint.load(_NAME)
-        return None if stage is None else stage.with_spools(checkpoint)
+        if stage is not None:
+            stage.attach(_Store(checkpoint))
+        return stage
 
-    def save(self, checkpoint: Checkpoint) -> "_Stage":
-        """Save the state, and return it as a resumed run loads it."""
-        self.recorder.spool_entries()
-        stage = checkpoint.save(_NAME, self)
-        return stage if stage is self else stage.with_spools(checkpoint)
-
-    def with_spools(self, checkpoint: Checkpoint) -> "_Stage":
-        """Return the state with its recorder and histories attached to the checkpoint's spools."""
-        spool = checkpoint.spool(_RECORDER)
-        assert spool is not None
-        self.recorder.attach(spool)
+    def attach(self, store: "_Store") -> None:
+        """Let the recorder and its histories append to the spools of a checkpoint, if it has any."""
         histories = (self.recorder.history, *self.recorder.parts)
-        for history, name in zip(histories, _spools(len(histories) - 1), strict=True):
-            spool = checkpoint.spool(name)
+        spools = [store.checkpoint.spool(name) for name in (_RECORDER, *_spools(len(self.recorder.parts)))]
+        if spools[0] is None:
+            return
+        self.recorder.attach(spools[0])
+        for history, spool in zip(histories, spools[1:], strict=True):
             assert spool is not None
-            history.attach_spool(spool)
-        return self
+            history.attach_spool(spool, store.thread)
 
     def advance(self, chunk: Detections, times_s: np.ndarray) -> None:
         """Track people through more frames; ``times_s``: shape (frame,)."""
         for tracked in _track(self.tracker, chunk, times_s):
             self.recorder.add(self.tracker, tracked)
         self.done += chunk.n_frames
+
+
+class _Store:
+    """Saves stages in a checkpoint, in a thread if there is one.
+
+    Args:
+        checkpoint: stores the state.
+        thread: stores one state, and moves entries to the spools, while the next frames are tracked; or None.
+    """
+
+    def __init__(self, checkpoint: Checkpoint, thread: Executor | None = None) -> None:
+        self.checkpoint, self.thread = checkpoint, thread
+        self.wait: Callable[[], None] = _done
+        """Waits until the last state is stored."""
+
+    def save(self, stage: _Stage) -> _Stage:
+        """Save the state, and return it as a resumed run loads it."""
+        # The length of the spools is stored with each state, so they must not grow before it is.
+        self.wait()
+        stage.recorder.spool_entries()
+        if self.thread is None:
+            saved = self.checkpoint.save(_NAME, stage)
+        else:
+            saved, self.wait = self.checkpoint.begin_save(_NAME, stage, self.thread)
+        if saved is not stage:
+            saved.attach(self)
+        return saved
+
+
+def _done() -> None:
+    pass
 
 
 def _track(tracker: ArticulatedTracker, chunk: Detections, times_s: np.ndarray) -> Iterator[TrackedFrame]:

@@ -1,6 +1,6 @@
 """People tracked through a recording, and their bodies range of frames by range."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -21,6 +21,7 @@ from posefuse.pipeline.people.selection import select_people
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.tracking.history import History
 from posefuse.tracking.parts import certain_directions
+from posefuse.tracking.path_priors import PathPriors, begin_priors
 from posefuse.tracking.smoothing import Memory, PeopleSmoother, SmoothedPerson
 
 
@@ -55,6 +56,8 @@ class TrackedPeople:
         nis_dof: shape (frame, person), int32: degrees of freedom of ``nis``, its expected value.
         shape_m: shape (person, shape): lengths of the bodies.
         shape_sd_m: shape (person, shape): their standard deviations.
+        priors: wait for the priors of the smoother, of bodies and then of each part; None where they are estimated at
+            first use.
     """
 
     recording_tracks: Tracks
@@ -66,6 +69,7 @@ class TrackedPeople:
     nis_dof: np.ndarray
     shape_m: np.ndarray
     shape_sd_m: np.ndarray
+    priors: tuple[Callable[[], PathPriors | None] | None, ...] = ()
 
     def tracks(self, start: int, stop: int) -> Tracks:
         """Return the assignment of detections to people in a range of frames."""
@@ -95,9 +99,16 @@ class TrackedPeople:
             shape_m=self.shape_m[keep], shape_sd_m=self.shape_sd_m[keep],
         )  # fmt: skip
 
+    def with_priors(self, jobs: Jobs) -> "TrackedPeople":
+        """Begin to estimate the priors of the smoother in other processes, if there are any."""
+        return replace(self, priors=tuple(begin_priors(each, jobs) for each in (self.history, *self.parts)))
+
     def smoother(self, jobs: Jobs = ONE_JOB) -> "WholeSmoother":
         """Return a smoother that runs through the recording once, from the first frame on."""
-        body, *parts = (PeopleSmoother(each, jobs=jobs) for each in (self.history, *self.parts))
+        histories = (self.history, *self.parts)
+        priors = self.priors or (None,) * len(histories)
+        pairs = zip(histories, priors, strict=True)
+        body, *parts = (PeopleSmoother(each, jobs=jobs, wait=wait) for each, wait in pairs)
         return WholeSmoother(body, tuple(parts), jobs)
 
     def bodies(

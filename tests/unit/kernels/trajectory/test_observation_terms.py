@@ -3,10 +3,16 @@
 import numpy as np
 import pytest
 
-from posefuse.kernels.cameras.linearize import LINEAR_ROWS, linearize, linearize_paths
+from posefuse.kernels.cameras.linearize import LINEAR_ROWS, linearize, linearize_paths, residuals_px
 from posefuse.kernels.cameras.observation_rows import BLOCK
 from posefuse.kernels.trajectory.blocks import empty_blocks, from_blocks, matrices_from_blocks
-from posefuse.kernels.trajectory.observation_terms import PathSystem, ViewTerms, add_views, weigh_observations
+from posefuse.kernels.trajectory.observation_terms import (
+    PathSystem,
+    ViewTerms,
+    add_views,
+    scale_residuals,
+    weigh_observations,
+)
 from posefuse.synthetic.rigs import build_rig
 
 pytestmark = pytest.mark.no_jit
@@ -63,3 +69,31 @@ def test_sums_of_views():
     np.testing.assert_allclose(matrices_from_blocks(system.information, FRAMES), information)
     gradient = np.einsum("kfv,kfvai,kfva->kfi", factor, jacobians, residuals)
     np.testing.assert_allclose(from_blocks(system.rhs, FRAMES), -gradient, atol=1e-9 * np.abs(gradient).max())
+
+
+def test_residuals_are_those_of_the_blocks():
+    _, linear, residuals, _ = problem(3)
+    rows = linear.reshape(KEYPOINTS, 2, VIEWS, LINEAR_ROWS, BLOCK).transpose(0, 1, 4, 2, 3)
+    rows = rows.reshape(KEYPOINTS, 2 * BLOCK, VIEWS, LINEAR_ROWS)[:, :FRAMES]
+    np.testing.assert_array_equal(residuals, rows[..., :2])
+    rig = build_rig("ring", VIEWS, "barrel")
+    points, pixels = np.zeros((KEYPOINTS, FRAMES, 3)), residuals + 500.0
+    expected, jacobians = linearize(rig.packed, points, pixels)
+    np.testing.assert_array_equal(residuals_px(rig.packed, points, pixels), expected)
+    np.testing.assert_array_equal(np.isnan(jacobians).all(axis=(-1, -2)), np.isnan(expected[..., 0]))
+
+
+def test_scaled_residuals_have_the_variance_of_errors():
+    rng, _, residuals, _ = problem(4)
+    sigma, agreed = rng.uniform(1.0, 2.0, residuals.shape[:3]), np.ones(residuals.shape[:3], dtype=bool)
+    sigma[0, 0, 0], agreed[0, 1] = np.inf, False
+    agreed[0, 2, :2] = False
+    used = agreed & np.isfinite(sigma) & np.isfinite(residuals[..., 0])
+    count = used.sum(axis=-1)
+    used &= (count > 1)[..., None]
+    retained = (np.maximum(2.0 * count - 3.0, 1.0) / np.maximum(2.0 * count, 1.0))[..., None]
+    expected = np.where(used[..., None], residuals / sigma[..., None] / np.sqrt(retained)[..., None], 0.0)
+    left = np.empty(sigma.shape)
+    scale_residuals(sigma, agreed, residuals, left)
+    np.testing.assert_allclose(residuals, expected, rtol=1e-14)
+    np.testing.assert_array_equal(left, np.where(used, retained, 0.0))
