@@ -6,6 +6,8 @@ SPHINX := $(BIN)/python -m sphinx -n -W --keep-going -q -j 2 -d docs/_build/doct
 export OPENBLAS_NUM_THREADS ?= 1
 # Tests start many processes; without bytecode, each would compile the package.
 unexport PYTHONDONTWRITEBYTECODE
+# An index out of bounds in a kernel overwrites memory silently; these tests run with bounds checks too.
+KERNEL_TESTS := $(addprefix tests/unit/,kernels association triangulation left_right tracking trajectory kinematics biomechanics)
 LOCK := pyproject.toml uv.lock scripts/bootstrap.sh
 
 .PHONY: demo test test-long check lint types borders format benchmark docs docs-fast docs-links clean
@@ -21,6 +23,7 @@ test: .venv/.installed-dev
 test-long: .venv/.installed-dev
 	POSEFUSE_EXAMPLES_FACTOR=40 $(PYTEST) -n 2 -m hypothesis
 	$(PYTEST) -n 2 -m long
+	NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=.pytest_cache/bounds $(PYTEST) -n 2 $(KERNEL_TESTS)
 	$(MAKE) docs
 
 check: lint types borders
