@@ -31,9 +31,7 @@ WRONG = {
     "array": np.zeros((2, 5)),
     "object": SimpleNamespace(),
 }
-OTHER_ERRORS = {
-    f"CheckpointFolder.{method}": pickle.UnpicklingError for method in ("save", "save_file", "begin_save")
-}
+OTHER_ERRORS = {f"CheckpointFolder.{method}": pickle.UnpicklingError for method in ("save", "save_file", "begin_save")}
 """Errors of Python that are documented: a checkpoint holds no objects of other programs."""
 NOT_CALLED = {"CheckpointFolder.remove", "CheckpointFolder.begin", "Outcome.open"}
 """Methods without arguments, or that delete files."""

@@ -136,6 +136,8 @@ class CheckpointFolder:
             return None
         for spool, size in head["spools"].items():
             if not self._spool_path(spool).is_file() or self._spool_path(spool).stat().st_size < size:
+                # The spool may grow beyond this size again, with other values.
+                self._path(name).unlink(missing_ok=True)
                 return None
             os.truncate(self._spool_path(spool), size)
         try:

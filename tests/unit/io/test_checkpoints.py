@@ -1,14 +1,17 @@
 """Interrupted work resumes to the same bytes, and parts of other work are not used."""
 
+import errno
 import os
 import pickle
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +25,9 @@ from posefuse.io.checkpoints import CheckpointFolder
 from posefuse.io.results import netcdf
 from posefuse.model.options.options import Options
 from posefuse.model.options.postprocess import PostprocessOptions
+from posefuse.parallel import Jobs
 from posefuse.pipeline.measured_layer import PARTIAL, finished_chunks, reconstruct_chunks
+from posefuse.pipeline.people import track_recording
 from posefuse.pipeline.reconstruct import prepare
 from posefuse.progress import Silent
 from posefuse.synthetic.crowd_options import NO_FAULTS, CrowdOptions
@@ -143,6 +148,39 @@ def test_interruption_without_a_checkpoint_is_raised(crowd, monkeypatch):
     monkeypatch.setattr("posefuse.tracking.tracker.ArticulatedTracker.process", interrupted)
     with pytest.raises(KeyboardInterrupt):
         prepare(*crowd, MANY, Silent())
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no signals for threads")
+@pytest.mark.parametrize("full", [False, True])
+def test_second_interruption_while_a_thread_stores_ends_the_run(crowd, whole, tmp_path, monkeypatch, full):
+    """The state is stored all the same; where the disk is full, the error says so."""
+    checkpoint, write = CheckpointFolder(tmp_path / "parts", "key"), CheckpointFolder._write
+    wait, waits = track_recording._Store.wait, threading.Event()
+    interrupt = partial(signal.pthread_kill, threading.main_thread().ident, signal.SIGINT)
+
+    def interrupting(*arguments: Any) -> None:
+        time.sleep(0.5)
+        interrupt()
+        assert waits.wait(60.0)
+        if full:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        time.sleep(0.3)
+        interrupt()
+        time.sleep(0.3)
+        write(*arguments)
+
+    def announced(store: Any) -> None:
+        waits.set()
+        wait(store)
+
+    with monkeypatch.context() as patch, Jobs(2) as jobs:
+        patch.setattr(CheckpointFolder, "_write", interrupting)
+        patch.setattr(track_recording._Store, "wait", announced)
+        with pytest.raises(FileError, match="No space left") if full else pytest.raises(KeyboardInterrupt):
+            track_recording.track_people(*crowd, MANY, Silent(), checkpoint, jobs=jobs)
+    stage = checkpoint.load("tracking")
+    assert stage is None if full else stage.done == CHUNK
+    assert made(crowd, MANY, tmp_path / "made.nc", checkpoint) == whole
 
 
 KILLED = """
@@ -325,3 +363,4 @@ class TestParts:
         np.testing.assert_array_equal(again.spool("a.b").read(place), np.arange(3))
         (tmp_path / "parts" / "a.b.spool").write_bytes(b"short")
         assert again.load("a") is None
+        assert not again.contains("a")

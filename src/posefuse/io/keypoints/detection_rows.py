@@ -13,8 +13,10 @@ from posefuse.io.files import reading
 from posefuse.io.parquet_files import check_row_groups
 from posefuse.lazy_array import LazyArray
 
-_MAX_KEPT_BYTES = 80_000_000
-"""Size of the last row groups of a column that stay in memory. A range of frames takes one of every table."""
+_MAX_KEPT_BYTES, _MIN_KEPT, _MAX_KEPT = 80_000_000, 3, 256
+"""Size of the last row groups of a column that stay in memory, and their number, at least and at most.
+
+A range of frames takes one group of every table."""
 
 
 @dataclass(frozen=True)
@@ -252,7 +254,7 @@ class _PersonRows(LazyArray):
             )
         # Ranges of frames are read with those around them, and several stages read them. A new dictionary, because
         # threads may read at the same time.
-        self._recent = _last_within({**self._recent, (f, group): values}, _MAX_KEPT_BYTES)
+        self._recent = _last_groups({**self._recent, (f, group): values})
         return values
 
     def _values(self, column: Any) -> np.ndarray:
@@ -260,11 +262,11 @@ class _PersonRows(LazyArray):
         raise NotImplementedError
 
 
-def _last_within(groups: dict[tuple[int, int], np.ndarray], max_bytes: int) -> dict[tuple[int, int], np.ndarray]:
-    """Return the last groups whose sizes sum up to at most ``max_bytes``, in the same order."""
-    kept = list(groups.items())
+def _last_groups(groups: dict[tuple[int, int], np.ndarray]) -> dict[tuple[int, int], np.ndarray]:
+    """Return the last groups that stay in memory, in the same order."""
+    kept = [(key, values) for key, values in groups.items() if values.nbytes <= _MAX_KEPT_BYTES][-_MAX_KEPT:]
     size = sum(values.nbytes for _, values in kept)
-    while size > max_bytes:
+    while size > _MAX_KEPT_BYTES and len(kept) > _MIN_KEPT:
         size -= kept.pop(0)[1].nbytes
     return dict(kept)
 

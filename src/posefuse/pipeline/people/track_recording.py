@@ -118,23 +118,25 @@ def track_people(
         stage = _Stage.first(tracker or first_tracker(rig, detections, options), checkpoint)
     progress.start("tracking people", detections.n_frames)
     progress.advance(stage.done)
-    try:
-        spans = [span for span in ranges(detections.n_frames, options.chunk_frames) if span[0] >= stage.done]
-        chunks = zip(jobs.ahead(detections.frames(*span) for span in spans), spans, strict=True)
-        with jobs.thread() as thread:
-            store = _Store(checkpoint, thread)
-            stage.attach(store)
-            for chunk, (start, stop) in chunks:
+    spans = [span for span in ranges(detections.n_frames, options.chunk_frames) if span[0] >= stage.done]
+    with jobs.thread() as thread:
+        store = _Store(checkpoint, thread)
+        stage.attach(store)
+        try:
+            chunks = jobs.ahead(detections.frames(*span) for span in spans)
+            for chunk, (start, stop) in zip(chunks, spans, strict=True):
                 stage.advance(chunk, times_s[start:stop])
                 stage = store.save(stage)
                 progress.advance(stop - start)
             store.wait()
-    except KeyboardInterrupt:
-        saved = _Stage.load(checkpoint)
-        if saved is None or not checkpoint.enabled:
-            raise
-        stage = saved
-        warnings.warn(_INTERRUPTED.format(stage.done, detections.n_frames), PosefuseWarning, stacklevel=2)
+        except KeyboardInterrupt:
+            # A second interruption while the thread still works ends the run, and the next run resumes.
+            store.wait()
+            saved = _Stage.load(checkpoint)
+            if saved is None or not checkpoint.enabled:
+                raise
+            stage = saved
+            warnings.warn(_INTERRUPTED.format(stage.done, detections.n_frames), PosefuseWarning, stacklevel=2)
     progress.finish()
     offsets = detections.offsets[: stage.done * detections.n_views + 1]
     return stage.recorder.close(offsets, detections.n_views)
@@ -254,21 +256,26 @@ class _Store:
 
     def __init__(self, checkpoint: Checkpoint, thread: Executor | None = None) -> None:
         self.checkpoint, self.thread = checkpoint, thread
-        self.wait: Callable[[], None] = _done
-        """Waits until the last state is stored."""
+        self._last: Callable[[], None] = _done
 
     def save(self, stage: _Stage) -> _Stage:
         """Save the state, and return it as a resumed run loads it."""
         # The length of the spools is stored with each state, so they must not grow before it is.
-        self.wait()
+        self._last()
         stage.recorder.spool_entries()
         if self.thread is None:
             saved = self.checkpoint.save(_NAME, stage)
         else:
-            saved, self.wait = self.checkpoint.begin_save(_NAME, stage, self.thread)
+            saved, self._last = self.checkpoint.begin_save(_NAME, stage, self.thread)
         if saved is not stage:
             saved.attach(self)
         return saved
+
+    def wait(self) -> None:
+        """Wait until the last state is stored and the thread has nothing left to do."""
+        if self.thread is not None:
+            self.thread.submit(_done).result()
+        self._last()
 
 
 def _done() -> None:
