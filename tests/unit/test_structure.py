@@ -183,7 +183,6 @@ TESTED_ELSEWHERE = {
         "pipeline/people/model_layer.py",
         "pipeline/people/recorder.py",
         "pipeline/people/track_recording.py",
-        "pipeline/people/tracked_people.py",
     ),
     "unit/pipeline/test_reconstruct_recording.py": ("pipeline/plan.py",),
     "unit/pipeline/test_solved_layer.py": ("postprocess/steps.py",),

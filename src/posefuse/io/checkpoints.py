@@ -32,6 +32,8 @@ _MANIFEST = "manifest.json"
 _LAYOUT = 4
 _NUMBER_BYTES = 8
 _CACHED_NUMBERS = 8192
+_COMPRESSION_LEVEL = -1
+"""Level 1 takes nearly twice the time for a tenth less."""
 _WHOLE = "whole"
 _OURS = (
     "posefuse.model.",
@@ -342,13 +344,14 @@ def _digest(head: Mapping[str, Any], packed: bytes) -> str:
 
 def _packed(content: bytes) -> bytes:
     """Compress bytes that are mostly float64 numbers: the first bytes of all numbers, then the second ones, ..."""
-    whole = len(content) - len(content) % _NUMBER_BYTES
-    numbers = np.frombuffer(content, dtype=np.uint8, count=whole).reshape(-1, _NUMBER_BYTES)
-    planes = np.empty((_NUMBER_BYTES, len(numbers)), dtype=np.uint8)
+    given, whole = np.frombuffer(content, dtype=np.uint8), len(content) - len(content) % _NUMBER_BYTES
+    numbers, ordered = given[:whole].reshape(-1, _NUMBER_BYTES), np.empty(len(content), dtype=np.uint8)
+    planes = ordered[:whole].reshape(_NUMBER_BYTES, -1)
     # Pieces that fit in the cache are transposed in half the time.
     for start in range(0, len(numbers), _CACHED_NUMBERS):
         planes[:, start : start + _CACHED_NUMBERS] = numbers[start : start + _CACHED_NUMBERS].T
-    return zstd.compress(planes.tobytes() + content[whole:], 1)
+    ordered[whole:] = given[whole:]
+    return zstd.compress(ordered.data, _COMPRESSION_LEVEL)
 
 
 def _unpacked(packed: bytes, size: int) -> bytes:

@@ -35,14 +35,21 @@ def smooth_states(filtered: State, time_s: np.ndarray, settings: TrackerSettings
     return out
 
 
-def smooth_in_place(state: State, time_s: np.ndarray, settings: TrackerSettings) -> None:
-    """Smooth the filtered states of one person, in place; arguments as of :func:`smooth_states`."""
+def smooth_in_place(state: State, time_s: np.ndarray, settings: TrackerSettings, means_only: bool = False) -> None:
+    """Smooth the filtered states of one person, in place.
+
+    Args:
+        state: State with one entry per frame.
+        time_s: shape (frame,), ascending.
+        settings: Settings of the tracker.
+        means_only: Whether the covariances are not needed; they remain those of the filter.
+    """
     for start, stop in _chunks(state.free, len(time_s) - 1):
         part = State(*(each[start : stop + 1] for each in state))
-        _smooth_chunk(part, np.diff(time_s[start : stop + 1]), settings)
+        _smooth_chunk(part, np.diff(time_s[start : stop + 1]), settings, means_only)
 
 
-def _smooth_chunk(state: State, dt_s: np.ndarray, settings: TrackerSettings) -> None:
+def _smooth_chunk(state: State, dt_s: np.ndarray, settings: TrackerSettings, means_only: bool) -> None:
     """Smooth frames in place by the last of them, which is smoothed already."""
     n, h, free = settings.tree.n_pose, settings.tree.n_shape, bool(state.free[0])
     rows = free_columns(n, h, free)
@@ -51,6 +58,8 @@ def _smooth_chunk(state: State, dt_s: np.ndarray, settings: TrackerSettings) -> 
     if not retained or smoother_gains(dt_s, settings.motion, state, gains, rest) < len(dt_s):
         gains, rest = _gains(state, rows, dt_s, settings)
     smooth_means(gains, rows, dt_s, settings.decay_s, state)
+    if means_only:
+        return
     late = state.covariance[-1][np.ix_(rows, rows)]
     for k in range(len(gains) - 1, -1, -1):
         rest[k] += gains[k] @ late @ gains[k].T

@@ -124,9 +124,16 @@ class History:
         settings: Settings of the tracker.
         spool: Storage of older entries; by default an anonymous temporary file that is deleted with the history.
         thread: Thread that moves entries to the spool; by default the one that adds frames.
+        has_past: Whether tracks may receive entries of frames before their first one; those of parts do not.
     """
 
-    def __init__(self, settings: TrackerSettings, spool: Spool | None = None, thread: Executor | None = None) -> None:
+    def __init__(
+        self,
+        settings: TrackerSettings,
+        spool: Spool | None = None,
+        thread: Executor | None = None,
+        has_past: bool = True,
+    ) -> None:
         self.settings = settings
         self.numbers = array("q")
         self.time_s = array("d")
@@ -134,6 +141,8 @@ class History:
         """By number of the track: ranges of frames in which its bone lengths are the same, in order."""
         self._blocks: list[Block] = []
         self._recent: dict[int, dict[int, Entries]] = {}
+        # A block stays open during the next one if tracks receive entries of past frames when they are confirmed.
+        self._open_blocks = 2 if has_past else 1
         self._spool, self._thread = spool or _TemporarySpool(), thread
 
     def __getstate__(self) -> dict[str, Any]:
@@ -210,10 +219,10 @@ class History:
         here = len(self.numbers) - 1
         if not self._blocks or time_s - self.time_s[self._blocks[-1].first] >= _BLOCK_S:
             self._blocks.append(Block(here))
-            # A block stays open during the next one, because tracks are confirmed some time after their first frame.
-            if len(self._blocks) > 2 and self._blocks[-3].spooled_at is None:
+            complete = -1 - self._open_blocks
+            if len(self._blocks) > self._open_blocks and self._blocks[complete].spooled_at is None:
                 self._settle()
-                self._blocks[-3].spool(self._spool, self._thread)
+                self._blocks[complete].spool(self._spool, self._thread)
         return here
 
     def _add_past(self, number: int, past: list[PastState], here: int) -> bool:

@@ -93,8 +93,14 @@ class PathPriors:
     bodies: dict[int, list[BodyLengths]]
 
 
-def estimate_priors(history: History, settings: TrackerSettings) -> PathPriors | None:
-    """Estimate the priors from some frames of a history; None if it holds too few detected keypoints."""
+def estimate_priors(history: History, settings: TrackerSettings, uncertain: bool = True) -> PathPriors | None:
+    """Estimate the priors from some frames of a history; None if it holds too few detected keypoints.
+
+    Args:
+        history: History of a tracker.
+        settings: Settings of the tracker.
+        uncertain: Whether the covariances of the lengths are needed; they are NaN otherwise.
+    """
     samples = _samples(history)
     longest = sorted(samples, key=lambda each: (each.start - each.stop, each.number))[:_MAX_PEOPLE]
     bodies = {sample: _BodyFit.of(sample, history, settings) for sample in longest}
@@ -121,7 +127,9 @@ def estimate_priors(history: History, settings: TrackerSettings) -> PathPriors |
             for _ in range(_ROUNDS):
                 body.step(motion)
         if body.explains_detections():
-            found = BodyLengths(sample.start, body.shape_m, body.covariance_m2(motion, inflation))
+            unknown = np.full((len(body.shape_m), len(body.shape_m)), np.nan)
+            covariance_m2 = body.covariance_m2(motion, inflation) if uncertain else unknown
+            found = BodyLengths(sample.start, body.shape_m, covariance_m2)
             lengths.setdefault(sample.number, []).append(found)
     return PathPriors(motion, inflation, lengths)
 
@@ -189,7 +197,7 @@ class _BodyFit:
                 if len(run) < _MIN_FRAMES or not np.isfinite(run.confidence).any():
                     continue
                 state = State(*(each.copy() for each in refilter_run(run, None, settings).state))
-                smooth_in_place(state, run.time_s, settings)
+                smooth_in_place(state, run.time_s, settings, means_only=True)
                 shape_m = run.state.shape[-1]
                 detections = PathDetections.of(run.time_s, run.keypoints_px, run.confidence, settings)
                 fits.append(PathFit(_without_covariance(state), detections, settings))
@@ -246,7 +254,9 @@ class _BodyFit:
         return float(np.median(np.concatenate(errors))) if errors else np.nan
 
 
-def fit_path(begin: State, run: Run, priors: PathPriors, settings: TrackerSettings) -> State | None:
+def fit_path(
+    begin: State, run: Run, priors: PathPriors, settings: TrackerSettings, uncertain: bool = True
+) -> State | None:
     """Fit the poses of one person to all detections of a run.
 
     Args:
@@ -254,6 +264,7 @@ def fit_path(begin: State, run: Run, priors: PathPriors, settings: TrackerSettin
         run: Consecutive frames of one track.
         priors: Priors of the recording.
         settings: Settings of the tracker.
+        uncertain: Whether the covariances are needed; they are empty otherwise.
 
     Returns:
         State with one entry per frame, and covariances without velocities; None if the run is too short, shows nothing
@@ -267,7 +278,11 @@ def fit_path(begin: State, run: Run, priors: PathPriors, settings: TrackerSettin
     state = begin._replace(shape=np.stack([each.shape_m for each in lengths])[epoch])
     detections = PathDetections.of(run.time_s, run.keypoints_px, run.confidence, settings)
     fit = PathFit(_without_covariance(state), detections, settings)
-    reduced = reduce_to_lengths(fit, priors.motion, priors.inflation) if fit.fit(priors.motion) else None
+    if not fit.fit(priors.motion):
+        return None
+    if not uncertain:
+        return fit.state
+    reduced = reduce_to_lengths(fit, priors.motion, priors.inflation)
     if reduced is None:
         return None
     lengths_m2 = np.stack([each.covariance_m2 for each in lengths])[epoch]

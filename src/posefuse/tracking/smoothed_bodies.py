@@ -8,6 +8,7 @@ from posefuse.kernels.tracking.projection import project_people
 from posefuse.kernels.tracking.records import ProjectedKeypoints, State
 from posefuse.kernels.tracking.smoothing import add_information
 from posefuse.kinematics.angle_sds import axes_covariance, joint_angle_sds
+from posefuse.kinematics.joint_angles import angle_names
 from posefuse.model.cameras import up_vector
 from posefuse.tracking.backward_pass import CHUNK_FRAMES
 from posefuse.tracking.body_states import ProjectedBodies
@@ -89,6 +90,24 @@ def describe_bodies(state: State, information: np.ndarray | None, settings: Trac
         state.root, state.turns, state.bones, state.shape, shape_sd_m, state.velocity, projected.points_m,
         projected.covariance_m2, *_turn_uncertainties(state.turns, state.bones, pose, settings),
     )  # fmt: skip
+
+
+def describe_points(state: State, settings: TrackerSettings) -> SmoothedBodies:
+    """Return poses and keypoints of smoothed states; all uncertainties are NaN.
+
+    Args:
+        state: State with one entry per frame; its covariance is not read.
+        settings: Settings of the tracker.
+    """
+    frames, n, h = len(state.root), settings.tree.n_pose, settings.tree.n_shape
+    certain = state._replace(covariance=np.zeros((frames, n, n)), free=np.zeros(frames, dtype=np.int64))
+    points_m = ProjectedBodies.of(certain, settings.cameras[:0], settings.body).points_m
+    points, angles, parts = len(settings.skeleton), len(angle_names(settings.tree)), len(settings.skeleton.parts)
+    sizes = ((h,), (points, 6), (angles,), (3, 3), (parts, 3, 3))
+    shape_sd_m, *others = (np.broadcast_to(np.nan, (frames, *size)) for size in sizes)
+    return SmoothedBodies(
+        state.root, state.turns, state.bones, state.shape, shape_sd_m, state.velocity, points_m, *others
+    )
 
 
 def _add_independent_information(

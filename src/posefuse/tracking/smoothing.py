@@ -21,7 +21,7 @@ from posefuse.tracking.history import History, Run
 from posefuse.tracking.path_priors import PathPriors, estimate_priors, fit_path, with_lasting_offsets
 from posefuse.tracking.refiltering import Window, refilter_run
 from posefuse.tracking.settings import TrackerSettings
-from posefuse.tracking.smoothed_bodies import SmoothedBodies, describe_bodies
+from posefuse.tracking.smoothed_bodies import SmoothedBodies, describe_bodies, describe_points
 from posefuse.tracking.tempering import observe_pose, predict_states
 
 _MAX_FRAMES = 1024
@@ -57,6 +57,7 @@ class PeopleSmoother:
         settings: Settings whose options define the smoother; by default those of the history.
         jobs: Processes that smooth the tracks.
         wait: Waits for the priors of fitted paths, if their estimation has begun.
+        only_points: Whether uncertainties are left out, which take most of the time; they are NaN then.
     """
 
     def __init__(
@@ -66,8 +67,9 @@ class PeopleSmoother:
         settings: TrackerSettings | None = None,
         jobs: Jobs = ONE_JOB,
         wait: Callable[[], PathPriors | None] | None = None,
+        only_points: bool = False,
     ) -> None:
-        self._jobs, self._wait = jobs, wait
+        self._jobs, self._wait, self._only_points = jobs, wait, only_points
         self.history = history
         self.settings = settings or history.settings
         self.done = start
@@ -93,7 +95,9 @@ class PeopleSmoother:
         """
         options = self.settings.options
         if not self._estimated:
-            self._priors = self._wait() if self._wait else estimate_priors(self.history, self.settings)
+            self._priors = (
+                self._wait() if self._wait else estimate_priors(self.history, self.settings, not self._only_points)
+            )
             self._estimated = True
         people = []
         while self.done < stop:
@@ -133,9 +137,12 @@ class PeopleSmoother:
         for run in history.runs(self._from, until):
             tracks.setdefault(run.number, []).extend(_split_at_gaps(run, options.bridge_s))
         pieces = (
-            _TrackPiece(runs, (start, stop, following), self._windows.get(number), self._priors, self.settings)
+            _TrackPiece(
+                runs, (start, stop, following), self._windows.get(number), self._priors, self.settings,
+                self._only_points,
+            )
             for number, runs in tracks.items()
-        )
+        )  # fmt: skip
         smoothed = list(zip(tracks, self._jobs.in_order(_smooth_track, pieces), strict=True))
         self._windows = {number: window for number, (_, window) in smoothed if window is not None}
         self.done, self._from = stop, following
@@ -152,6 +159,7 @@ class _TrackPiece:
         window: Frames filtered again earlier.
         priors: Priors of fitted paths; None without.
         settings: Settings of the smoother.
+        only_points: Whether uncertainties are left out.
     """
 
     runs: list[Run]
@@ -159,6 +167,19 @@ class _TrackPiece:
     window: Window | None
     priors: PathPriors | None
     settings: TrackerSettings
+    only_points: bool = False
+
+    def describe(self, state: State, information: np.ndarray | None) -> SmoothedBodies:
+        """Return poses and keypoints of smoothed states, and uncertainties unless they are left out."""
+        if self.only_points:
+            return describe_points(state, self.settings)
+        return describe_bodies(state, information, self.settings)
+
+    def fit(self, begin: State, run: Run) -> State | None:
+        """Return the poses fitted to all detections of a run, or None."""
+        if self.priors is None:
+            return None
+        return fit_path(begin, run, self.priors, self.settings, not self.only_points)
 
 
 def _smooth_track(piece: _TrackPiece) -> tuple[list[SmoothedPerson], Window | None]:
@@ -184,32 +205,34 @@ def _smooth_run(
     settings, priors = piece.settings, piece.priors
     first, last, following = (int(np.searchsorted(run.places, place)) for place in piece.span)
     if settings.options.smoother == "none":
-        return describe_bodies(run.within(*piece.span[:2]).state, None, settings), None, None
+        return piece.describe(run.within(*piece.span[:2]).state, None), None, None
     if priors is not None and last > first and len(piece.runs) == 1:
         # Fitted poses depend on where the fit begins by a tenth of their uncertainty, so the states of the filter do.
-        fitted = fit_path(run.state, run, priors, settings)
+        fitted = piece.fit(run.state, run)
         if fitted is not None:
-            return _describe_fitted(fitted, slice(first, last), settings), None, None
+            return _describe_fitted(piece, fitted, slice(first, last)), None, None
     window = refilter_run(run, piece.window, settings)
     rest = window.after(min(following, last - 1)).copy() if last else None
     begin = 0 if priors is not None else first
-    states = _smoothed_by(window.after(begin).state, run.time_s[begin:], later, settings)
+    # Of a track with several runs, the covariance of the first state of each enters the run before.
+    means_only = piece.only_points and len(piece.runs) == 1
+    states = _smoothed_by(window.after(begin).state, run.time_s[begin:], later, settings, means_only)
     begins = _LaterRun(run, select_states(states, [0])) if run.fresh and first == 0 else None
     fitted = None
     if priors is not None and last > first:
-        fitted = fit_path(states, run.frames(begin, len(run)), priors, settings)
+        fitted = piece.fit(states, run.frames(begin, len(run)))
     own = slice(first - begin, last - begin)
     if fitted is None:
-        body = describe_bodies(State(*(each[own] for each in states)), window.information[first:last], settings)
+        body = piece.describe(State(*(each[own] for each in states)), window.information[first:last])
     else:
-        body = _describe_fitted(fitted, own, settings)
+        body = _describe_fitted(piece, fitted, own)
     return body, rest, begins
 
 
-def _describe_fitted(fitted: State, frames: slice, settings: TrackerSettings) -> SmoothedBodies:
+def _describe_fitted(piece: _TrackPiece, fitted: State, frames: slice) -> SmoothedBodies:
     """Return some frames of fitted poses."""
     kept = State(*(each[frames] for each in fitted))
-    return with_lasting_offsets(describe_bodies(kept, None, settings), settings)
+    return with_lasting_offsets(piece.describe(kept, None), piece.settings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,14 +262,16 @@ class _LaterRun:
         return part.number == self.run.number and part.places[-1] + 1 == self.run.places[0]
 
 
-def _smoothed_by(state: State, time_s: np.ndarray, later: _LaterRun | None, settings: TrackerSettings) -> State:
+def _smoothed_by(
+    state: State, time_s: np.ndarray, later: _LaterRun | None, settings: TrackerSettings, means_only: bool = False
+) -> State:
     """Smooth a run's states, possibly in place, with the run with which the filter was initialized again afterward.
 
     That filter started without information from this run, so its first state is an independent observation. A run that
     ended before these frames has no states.
     """
     if later is None or not len(time_s):
-        smooth_in_place(state, time_s, settings)
+        smooth_in_place(state, time_s, settings, means_only)
         return state
     later_s = np.append(time_s, later.run.time_s[0])
     last = predict_states(select_states(state, [len(time_s) - 1]), np.diff(later_s[-2:]), settings)

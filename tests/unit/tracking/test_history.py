@@ -1,5 +1,6 @@
 """The history returns recorded states, and smoothing in blocks equals smoothing at once."""
 
+import pickle
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -42,8 +43,8 @@ def add_frame(history: History, frame: int, states: dict[str, State], past=None,
     history.add(tracker, TrackedFrame(people, past or {}, ()))  # type: ignore[arg-type]
 
 
-def history_of(settings: TrackerSettings, states: State, lost=None) -> History:
-    history = History(settings)
+def history_of(settings: TrackerSettings, states: State, lost=None, has_past: bool = True) -> History:
+    history = History(settings, has_past=has_past)
     for k in range(len(states.root)):
         past = {"person_1": []} if k == 0 else {}
         add_frame(
@@ -74,6 +75,19 @@ def test_history_returns_what_it_recorded(settings, rng, monkeypatch):
     close(part.state, select_states(states, np.arange(7, 21)), 0.0)
     assert not part.fresh
     assert history.place(10 + 2 * 7) == 7
+
+
+def test_history_without_past_frames_keeps_fewer_in_memory(settings, rng, monkeypatch):
+    """What is in memory is stored with every state of the tracking."""
+    monkeypatch.setattr(history_module, "_BLOCK_S", 0.3)
+    states = filtered(settings, 40, rng)
+    sizes = []
+    for has_past in (True, False):
+        history = history_of(settings, states, has_past=has_past)
+        sizes.append(len(pickle.dumps(history)))
+        (run,) = history.runs(0, 40)
+        close(run.state, states, 0.0)
+    assert sizes[1] < 0.7 * sizes[0]
 
 
 def test_frames_are_ordered_and_addressed_by_number(settings, rng):

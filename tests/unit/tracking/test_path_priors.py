@@ -107,6 +107,13 @@ def test_parts_of_a_recording_join_without_a_seam(history):
         assert np.nanpercentile(np.abs(away), 99) < 5e-3
 
 
+def test_points_do_not_depend_on_uncertainties(history):
+    both = (PeopleSmoother(history, only_points=only).take(len(history)) for only in (False, True))
+    for uncertain, bare in zip(*both, strict=True):
+        np.testing.assert_array_equal(uncertain.body.points_m, bare.body.points_m)
+        assert np.isnan(bare.body.covariance_m2).all()
+
+
 def test_the_same_history_gives_the_same_priors(history):
     first, second = (estimate_priors(history, history.settings) for _ in range(2))
     assert isinstance(first, PathPriors)

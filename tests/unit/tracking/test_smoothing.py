@@ -13,7 +13,7 @@ from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
-from posefuse.tracking.backward_pass import smooth_states
+from posefuse.tracking.backward_pass import smooth_in_place, smooth_states
 from posefuse.tracking.body_states import empty_state, free_columns, join_states, select_states
 from posefuse.tracking.history import Run
 from posefuse.tracking.refiltering import refilter_run
@@ -236,6 +236,15 @@ def test_refilter_with_a_share_is_a_filter_with_more_noise(settings):
     again = refilter_with_shares(runs[0], np.full(frames, 0.5), settings)
     np.testing.assert_allclose(again.covariance, runs[1].covariance, atol=1e-8)
     np.testing.assert_allclose(again.root[5:], runs[1].root[5:], atol=3e-3)
+
+
+def test_means_do_not_depend_on_covariances(settings, rng):
+    states = filtered(settings, 30, rng)
+    smooth = smooth_states(states, times(30), settings)
+    means = select_states(states, np.arange(30))
+    smooth_in_place(means, times(30), settings, means_only=True)
+    for name in ("root", "turns", "bones", "shape", "velocity"):
+        np.testing.assert_allclose(getattr(means, name), getattr(smooth, name), rtol=0, atol=1e-9)
 
 
 def smooth_run(run: Run, settings: TrackerSettings) -> SmoothedBodies:

@@ -26,10 +26,26 @@ class PathFactor(NamedTuple):
 
 
 @vectorized
-def _subtract_product(left, right, m, out):
-    """Compute ``out -= left right^T``."""
+def _subtract_product(left, right, m, lower, out):
+    """Compute ``out -= left right^T``, or its lower triangle only.
+
+    Four columns are computed at a time, so that each row of ``left`` is read a quarter as often.
+    """
     for i in range(m):
-        for j in range(m):
+        stop = i + 1 if lower else m
+        for j in range(0, stop - 3, 4):
+            a = b = c = d = 0.0
+            for k in range(m):
+                multiplier = left[i, k]
+                a += multiplier * right[j, k]
+                b += multiplier * right[j + 1, k]
+                c += multiplier * right[j + 2, k]
+                d += multiplier * right[j + 3, k]
+            out[i, j] -= a
+            out[i, j + 1] -= b
+            out[i, j + 2] -= c
+            out[i, j + 3] -= d
+        for j in range(stop - stop % 4, stop):
             total = 0.0
             for k in range(m):
                 total += left[i, k] * right[j, k]
@@ -63,13 +79,13 @@ def factor_path(system, factor, scratch):
                 factor.inverse[t, i, j] = block[i, j]
         if t + 1 < frames:
             multiply(system.next[t + 1], 0, block, m, m, factor.first[t])
-            _subtract_product(factor.first[t], system.next[t + 1], m, system.diagonal[t + 1])
+            _subtract_product(factor.first[t], system.next[t + 1], m, True, system.diagonal[t + 1])
         if t + 2 < frames:
             far = system.second[t + 2]
             for i in range(m):
                 for j in range(m):
                     factor.second[t, i, j] = far[i] * block[i, j]
-            _subtract_product(factor.second[t], system.next[t + 1], m, system.next[t + 2])
+            _subtract_product(factor.second[t], system.next[t + 1], m, False, system.next[t + 2])
             _subtract_scaled_columns(factor.second[t], far, m, system.diagonal[t + 2])
     return frames
 
@@ -98,9 +114,9 @@ def solve_path(factor, right, scratch):
             for c in range(count):
                 right[t, i, c] = -scratch[i, c]
         if t + 1 < frames:
-            _subtract_transposed(factor.first[t], right[t + 1], m, right[t])
+            _subtract_transposed(factor.first[t], right[t + 1], m, False, right[t])
         if t + 2 < frames:
-            _subtract_transposed(factor.second[t], right[t + 2], m, right[t])
+            _subtract_transposed(factor.second[t], right[t + 2], m, False, right[t])
 
 
 @kernel
@@ -123,36 +139,50 @@ def invert_path(factor, inverse, first, second):
         if t + 1 < frames:
             _subtract(inverse[t + 1], factor.first[t], m, first[t])
         if t + 2 < frames:
-            _subtract_transposed(first[t + 1], factor.second[t], m, first[t])
+            _subtract_transposed(first[t + 1], factor.second[t], m, False, first[t])
             _subtract(first[t + 1], factor.first[t], m, second[t])
             _subtract(inverse[t + 2], factor.second[t], m, second[t])
         if t + 1 < frames:
-            _subtract_transposed(first[t], factor.first[t], m, inverse[t])
+            _subtract_transposed(first[t], factor.first[t], m, True, inverse[t])
         if t + 2 < frames:
-            _subtract_transposed(second[t], factor.second[t], m, inverse[t])
-        # Asymmetry from rounding would grow from frame to frame.
+            _subtract_transposed(second[t], factor.second[t], m, True, inverse[t])
         for i in range(m):
             for j in range(i):
-                mean = 0.5 * (inverse[t, i, j] + inverse[t, j, i])
-                inverse[t, i, j] = mean
-                inverse[t, j, i] = mean
+                inverse[t, j, i] = inverse[t, i, j]
 
 
 @vectorized
 def _subtract(left, right, m, out):
-    """Compute ``out -= left right``; the columns are those of ``out``."""
+    """Compute ``out -= left right``; the columns are those of ``out``.
+
+    Four terms are subtracted at a time, so that each row is read and written a quarter as often.
+    """
+    columns = out.shape[1]
     for i in range(m):
-        for k in range(m):
+        for k in range(0, m - 3, 4):
+            a, b, c, d = left[i, k], left[i, k + 1], left[i, k + 2], left[i, k + 3]
+            for j in range(columns):
+                out[i, j] -= a * right[k, j] + b * right[k + 1, j] + c * right[k + 2, j] + d * right[k + 3, j]
+        for k in range(m - m % 4, m):
             multiplier = left[i, k]
-            for j in range(out.shape[1]):
+            for j in range(columns):
                 out[i, j] -= multiplier * right[k, j]
 
 
 @vectorized
-def _subtract_transposed(left, right, m, out):
-    """Compute ``out -= left^T right``; the columns are those of ``out``."""
-    for k in range(m):
+def _subtract_transposed(left, right, m, lower, out):
+    """Compute ``out -= left^T right``, or its lower triangle only; the columns are those of ``out``.
+
+    Four terms are subtracted at a time, as in :func:`_subtract`.
+    """
+    columns = out.shape[1]
+    for k in range(0, m - 3, 4):
+        for i in range(m):
+            a, b, c, d = left[k, i], left[k + 1, i], left[k + 2, i], left[k + 3, i]
+            for j in range(i + 1 if lower else columns):
+                out[i, j] -= a * right[k, j] + b * right[k + 1, j] + c * right[k + 2, j] + d * right[k + 3, j]
+    for k in range(m - m % 4, m):
         for i in range(m):
             multiplier = left[k, i]
-            for j in range(out.shape[1]):
+            for j in range(i + 1 if lower else columns):
                 out[i, j] -= multiplier * right[k, j]

@@ -96,8 +96,7 @@ class Bodies:
         n_frames = detections.n_frames
         if not found.recording_tracks.person_ids:
             return np.full((n_frames, len(self.skeleton), 3), np.nan)
-        layer, _ = found.bodies(rig, detections, 0, found.smoother().take(n_frames))
-        points = np.asarray(layer.points_m)
+        points = found.points_m()
         # Where a body was lost, a later track may be the same person.
         first = np.isfinite(points).all(axis=-1).argmax(axis=1)
         return np.take_along_axis(points, first[:, None, :, None], axis=1)[:, 0]

@@ -217,7 +217,7 @@ class _Stage:
         """Return the state before the first frame."""
         spools = [checkpoint.spool(name) for name in _spools(len(tracker.parts))]
         body, *parts = (part.settings for part in (tracker, *tracker.parts))
-        parts = tuple(History(each, spool) for each, spool in zip(parts, spools[1:], strict=True))
+        parts = tuple(History(each, spool, has_past=False) for each, spool in zip(parts, spools[1:], strict=True))
         return cls(tracker, Recorder(History(body, spools[0]), parts, checkpoint.spool(_RECORDER)))
 
     @classmethod

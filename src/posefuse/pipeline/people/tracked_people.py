@@ -56,8 +56,7 @@ class TrackedPeople:
         nis_dof: shape (frame, person), int32: degrees of freedom of ``nis``, its expected value.
         shape_m: shape (person, shape): lengths of the bodies.
         shape_sd_m: shape (person, shape): their standard deviations.
-        priors: wait for the priors of the smoother, of bodies and then of each part; None where they are estimated at
-            first use.
+        priors: waits for the priors of the bodies' smoother; None if they are estimated at first use.
     """
 
     recording_tracks: Tracks
@@ -69,7 +68,7 @@ class TrackedPeople:
     nis_dof: np.ndarray
     shape_m: np.ndarray
     shape_sd_m: np.ndarray
-    priors: tuple[Callable[[], PathPriors | None] | None, ...] = ()
+    priors: Callable[[], PathPriors | None] | None = None
 
     def tracks(self, start: int, stop: int) -> Tracks:
         """Return the assignment of detections to people in a range of frames."""
@@ -100,16 +99,32 @@ class TrackedPeople:
         )  # fmt: skip
 
     def with_priors(self, jobs: Jobs) -> "TrackedPeople":
-        """Begin to estimate the priors of the smoother in other processes, if there are any."""
-        return replace(self, priors=tuple(begin_priors(each, jobs) for each in (self.history, *self.parts)))
+        """Begin to estimate the priors of the bodies' smoother in another process, if there is one."""
+        return replace(self, priors=begin_priors(self.history, jobs))
 
-    def smoother(self, jobs: Jobs = ONE_JOB) -> "WholeSmoother":
-        """Return a smoother that runs through the recording once, from the first frame on."""
-        histories = (self.history, *self.parts)
-        priors = self.priors or (None,) * len(histories)
-        pairs = zip(histories, priors, strict=True)
-        body, *parts = (PeopleSmoother(each, jobs=jobs, wait=wait) for each, wait in pairs)
-        return WholeSmoother(body, tuple(parts), jobs)
+    def smoother(self, jobs: Jobs = ONE_JOB, only_points: bool = False) -> "WholeSmoother":
+        """Return a smoother that runs through the recording once, from the first frame on.
+
+        Args:
+            jobs: processes that smooth.
+            only_points: whether uncertainties are left out.
+        """
+        body = PeopleSmoother(self.history, jobs=jobs, wait=self.priors, only_points=only_points)
+        parts = tuple(PeopleSmoother(each, jobs=jobs, wait=_no_priors, only_points=only_points) for each in self.parts)
+        return WholeSmoother(body, parts, jobs)
+
+    def points_m(self) -> np.ndarray:
+        """Return the keypoints of all bodies with their hands and faces, shape (frame, person, keypoint, 3)."""
+        people = self.smoother(only_points=True).take(self.n_frames)
+        points_m = np.full((self.n_frames, len(self.recording_tracks.person_ids), len(self.skeleton), 3), np.nan)
+        for person in people.bodies:
+            f, p, seen = self._cells(person, 0)
+            points_m[f, p] = person.body.points_m[seen]
+        for part, found in zip(self.skeleton.parts, people.parts, strict=True):
+            for person in found:
+                (f, p), seen = self._cells_with_bodies(person, 0, points_m)
+                points_m[f[:, None], p[:, None], part.keypoints] = person.body.points_m[seen]
+        return points_m
 
     def bodies(
         self, rig: CameraRig, detections: Detections, start: int, people: "SmoothedWhole"
@@ -138,7 +153,7 @@ class TrackedPeople:
         first = Offsets(len(tree.segments), len(tree.bones), len(angle_names(tree)))
         for i, (part, found) in enumerate(zip(self.skeleton.parts, people.parts, strict=True)):
             for person in found:
-                cells, seen = self._cells_with_bodies(person, start, out)
+                cells, seen = self._cells_with_bodies(person, start, out.points_m)
                 out.add(person, cells, seen, part.keypoints, first, self._part_states(i, person, cells, seen, out))
             first = Offsets(
                 first.segment + len(part.tree.segments), first.bone + len(part.tree.bones),
@@ -173,11 +188,11 @@ class TrackedPeople:
         return person.places[seen] - start, columns[seen], seen
 
     def _cells_with_bodies(
-        self, part: SmoothedPerson, start: int, out: BodyArrays
+        self, part: SmoothedPerson, start: int, points_m: np.ndarray
     ) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
-        """Return the result of `_cells` for a part, restricted to frames in which its body is present."""
+        """Return the result of `_cells` for a part, restricted to frames in which its body has points."""
         f, p, seen = self._cells(part, start)
-        there = np.isfinite(out.points_m[f, p]).any(axis=(1, 2))
+        there = np.isfinite(points_m[f, p]).any(axis=(1, 2))
         return (f[there], p[there]), seen[there]
 
     def _columns(self, number: int, places: np.ndarray) -> np.ndarray:
@@ -188,6 +203,10 @@ class TrackedPeople:
 
     def _absent(self, start: int, stop: int) -> np.ndarray:
         return np.asarray(self.recording_tracks.state[start:stop]) == TrackState.ABSENT
+
+
+def _no_priors() -> None:
+    """Stand for the priors of parts: their histories hold no detections to which paths could be fitted."""
 
 
 @dataclass(frozen=True, eq=False)
