@@ -74,6 +74,19 @@ class ErrorLevel:
 
     def _new_errors(self, person_priors: PersonPriors) -> tuple[np.ndarray, np.ndarray]:
         """Return the sums of squared innovations around each frame, and the numbers of values in them."""
+        key = person_priors.correlation_s, person_priors.spread, person_priors.persistent_ratio > 0.0
+        if key not in self._sums:
+            self._sums.clear()
+            self._sums[key] = self._sum_innovations(person_priors)
+        return self._sums[key]
+
+    @cached_property
+    def _sums(self) -> dict[tuple[float, float, bool], tuple[np.ndarray, np.ndarray]]:
+        """The last sums of :meth:`_new_errors`, by what they depend on: every stage of a solve needs them."""
+        return {}
+
+    def _sum_innovations(self, person_priors: PersonPriors) -> tuple[np.ndarray, np.ndarray]:
+        """Return what :meth:`_new_errors` does, from the residuals."""
         residuals, left = self.view_residuals
         if person_priors.persistent_ratio > 0.0:
             residuals = self._subtract_local_mean(residuals, left > 0.0)

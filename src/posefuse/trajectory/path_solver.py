@@ -333,10 +333,11 @@ class PathSolver:
             counts,
         )
         agreed, n_agreed = self._agreed_views
-        # Require consecutive frames: in a single frame, three views may err alike by chance.
         too_few = (counts < 2) & (n_agreed >= min_agreeing)
-        too_few = np.asarray(binary_opening(too_few, np.ones((1, _MIN_CONSECUTIVE), dtype=bool)), dtype=np.bool_)
-        weights[too_few] = agreed[too_few]
+        if too_few.any():
+            # Require consecutive frames: in a single frame, three views may err alike by chance.
+            too_few = np.asarray(binary_opening(too_few, np.ones((1, _MIN_CONSECUTIVE), dtype=bool)), dtype=np.bool_)
+            weights[too_few] = agreed[too_few]
         return weights
 
     @cached_property
