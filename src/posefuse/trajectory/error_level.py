@@ -74,27 +74,30 @@ class ErrorLevel:
 
     def _new_errors(self, person_priors: PersonPriors) -> tuple[np.ndarray, np.ndarray]:
         """Return the sums of squared innovations around each frame, and the numbers of values in them."""
+        key = person_priors.correlation_s, person_priors.spread, person_priors.persistent_ratio > 0.0
+        if key not in self._sums:
+            self._sums.clear()
+            self._sums[key] = self._sum_innovations(person_priors)
+        return self._sums[key]
+
+    @cached_property
+    def _sums(self) -> dict[tuple[float, float, bool], tuple[np.ndarray, np.ndarray]]:
+        """The last sums of :meth:`_new_errors`, by what they depend on: every stage of a solve needs them."""
+        return {}
+
+    def _sum_innovations(self, person_priors: PersonPriors) -> tuple[np.ndarray, np.ndarray]:
+        """Return what :meth:`_new_errors` does, from the residuals."""
         residuals, left = self.view_residuals
         if person_priors.persistent_ratio > 0.0:
             residuals = self._subtract_local_mean(residuals, left > 0.0)
-        correlation = error_correlation(self.observed.time_s, person_priors.correlation_s)
-        squares, counts = self._innovations(residuals, left, correlation, person_priors)
-        if person_priors.correlation_s > 0.0:
-            # An innovation belongs to the later frame. The mean over both directions of time prefers neither.
-            backward = np.roll(correlation[::-1], 1)
-            arrays = np.ascontiguousarray(residuals[:, ::-1]), np.ascontiguousarray(left[:, ::-1])
-            squares = 0.5 * (squares + self._innovations(*arrays, backward, person_priors)[0][:, ::-1])
+        correlations = np.append(error_correlation(self.observed.time_s, person_priors.correlation_s), 0.0)
+        squares = np.empty(left.shape)
+        whiten_errors(residuals, left, correlations, person_priors.spread**2, squares)
         window = 2 * round(0.5 * _ERROR_LEVEL_S / self.observed.step_s) + 1
-        total = uniform_filter1d(left * squares, window, axis=1, mode="nearest") * window
-        return total, uniform_filter1d(left * counts, window, axis=1, mode="nearest") * window
-
-    def _innovations(
-        self, residuals: np.ndarray, left: np.ndarray, correlation: np.ndarray, person_priors: PersonPriors
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the squared innovations and their numbers of values, shape (keypoint, frame, view)."""
-        squares, counts = np.empty(left.shape), np.empty(left.shape)
-        whiten_errors(residuals, person_priors.spread * self.unit_scale, left, correlation, squares, counts)
-        return squares, counts
+        # Each error has two coordinates.
+        sums = (uniform_filter1d(each, window, axis=1, mode="nearest") * window for each in (squares, 2.0 * left))
+        total, count = sums
+        return total, count
 
     def _subtract_local_mean(self, residuals: np.ndarray, used: np.ndarray) -> np.ndarray:
         """Return residuals minus their local mean, which is a persistent error and not an innovation."""

@@ -13,6 +13,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from posefuse.kernels.trajectory.path_steps import limited_factors
+
 _FREQUENCIES = 1500
 _LOG_GAINS = np.linspace(-60.0, 25.0, 341)
 """Logarithms of the density of a path in units of the variance of a frame and the time between frames."""
@@ -54,21 +56,19 @@ class ErrorSpectrum:
         to the latter.
 
         Args:
-            inflation: variance of the white errors that the path assumes, relative to the actual ones.
-            log_gain: logarithm of ``density step_s^(2 order - 1) / variance``, where ``variance`` is the inflated
-                variance of a point from a single frame.
-            leverage: covariance of the path relative to that of a point from the frame alone, both with the inflated
-                variances; 0 where the frame shows nothing.
+            inflation: shape (keypoint,): variance of the white errors that the path assumes, relative to the actual
+                ones.
+            log_gain: shape (keypoint, frame): logarithm of ``density step_s^(2 order - 1) / variance``, where
+                ``variance`` is the inflated variance of a point from a single frame.
+            leverage: shape (keypoint, frame): covariance of the path relative to that of a point from the frame alone,
+                both with the inflated variances; 0 where the frame shows nothing.
         """
-        if self.correlation_s <= 0.0:
-            return np.ones(np.broadcast_shapes(inflation.shape, log_gain.shape))
-        tables = _shares(float(np.exp(-self.step_s / self.correlation_s)), self.order)
-        usual, errors, motion = (np.interp(log_gain, _LOG_GAINS, each) for each in tables)
-        single = self.level / inflation
-        factor = single * errors + _UNEVEN_MOTION * motion
-        # Errors of a mean are no larger than those of its frames, and paths lose as much motion as usual.
-        limit = single + _UNEVEN_MOTION * motion * usual
-        return np.minimum(factor, limit / np.maximum(leverage, 1e-9))
+        factor = np.ones(log_gain.shape)
+        if self.correlation_s > 0.0:
+            usual, errors, motion = _shares(float(np.exp(-self.step_s / self.correlation_s)), self.order)
+            shares = np.stack([usual, errors, _UNEVEN_MOTION * motion])
+            limited_factors(shares, _LOG_GAINS, self.level / inflation, log_gain, leverage, factor)
+        return factor
 
     def mean_factor(self, inflation: np.ndarray, leverage: np.ndarray) -> np.ndarray:
         """Return the factor of the covariance of a point that is the mean of several frames, as that of a resting one.

@@ -1,8 +1,8 @@
 """Initial paths: measured points that are consistent with their neighbors in time, interpolated in between."""
 
 import numpy as np
-from scipy.ndimage import median_filter
 
+from posefuse.kernels.trajectory.running_median import running_median
 from posefuse.trajectory.observations import PersonObservations
 
 _WINDOW_S = 0.2
@@ -15,7 +15,8 @@ def initial_paths(observed: PersonObservations) -> tuple[np.ndarray, np.ndarray]
     """Return the initial paths, shape (keypoint, frame, 3), and view weights, (keypoint, frame, view)."""
     paths = interpolate_missing(observed.points_m, observed.time_s)
     window = max(_MIN_WINDOW, 2 * round(0.5 * _WINDOW_S / observed.step_s) + 1)
-    median = median_filter(paths, size=(1, window, 1), mode="mirror")
+    median = np.empty(paths.shape)
+    running_median(paths, window, median)
     deviation = np.linalg.norm(observed.points_m - median, axis=-1)
     valid_frames = np.isfinite(deviation)
     typical = np.array(

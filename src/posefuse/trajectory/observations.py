@@ -1,6 +1,7 @@
 """Observations of one person: every view's keypoints in the array layout of the kernels, one path per keypoint."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -101,7 +102,7 @@ class PersonObservations:
             points_m=np.ascontiguousarray(np.asarray(measured_range.layer.points_m)[:, person].transpose(1, 0, 2)),
         )
 
-    @property
+    @cached_property
     def step_s(self) -> float:
         """Median time between frames, in seconds."""
         return float(np.median(np.diff(self.time_s))) if len(self.time_s) > 1 else 1.0 / _DEFAULT_RATE_HZ

@@ -12,10 +12,12 @@ from functools import cached_property
 import numpy as np
 from scipy.ndimage import binary_opening, uniform_filter1d
 
+from posefuse.kernels.cameras.observation_rows import BLOCK
 from posefuse.kernels.trajectory.band import REACH
-from posefuse.kernels.trajectory.blocks import empty_blocks, from_blocks, matrices_from_blocks, n_blocks
+from posefuse.kernels.trajectory.blocks import empty_blocks, matrices_from_blocks, n_blocks
 from posefuse.kernels.trajectory.contact_terms import add_contact
 from posefuse.kernels.trajectory.observation_terms import PathSystem, ViewTerms, add_views, weigh_observations
+from posefuse.kernels.trajectory.path_steps import frame_leverages, take_steps
 from posefuse.kernels.trajectory.smoothness_terms import (
     SCRATCH_ROWS,
     SmoothnessTerms,
@@ -47,8 +49,6 @@ _MIN_AGREEING, _MIN_CONSECUTIVE = 3, 3
 _CONTACT_ROUNDS = 2
 """Number of rounds with ground contact, each with the contact that the paths before it show."""
 
-
-_UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 _MIN_REWEIGHTED_ROUNDS = 3
 """Number of rounds with new weights after which paths change by a few hundredths of their standard deviations."""
@@ -212,7 +212,8 @@ class PathSolver:
         variance = typical_variance(system.information, seen)
         prior = bone_prior(self.bones, person_priors, variance, observed.step_s)
         steps, covariance, traces = solve_system(self.bones, prior, alive, paths.paths_m, system)
-        moved = paths.paths_m + self._limit_steps(from_blocks(steps, len(observed.time_s)))
+        moved = np.empty(paths.paths_m.shape)
+        take_steps(paths.paths_m, steps, self.max_step_m, moved)
         squares, determined = np.empty(stiffness.shape), np.empty(stiffness.shape)
         squared_differences(terms, moved, traces, squares, determined)
         squares *= paths.density_factor
@@ -273,9 +274,8 @@ class PathSolver:
         if not rows or (person_priors.correlation_s <= 0.0 and self.contact is None):
             return None
         frames = len(self.observed.time_s)
-        information = from_blocks(system.information, frames)
-        weighted = [covariance_m2[..., i, j] * information[..., n] for n, (i, j) in enumerate(_UPPER)]
-        leverage = (weighted[0] + weighted[3] + weighted[5] + 2.0 * (weighted[1] + weighted[2] + weighted[4])) / 3.0
+        leverage = np.empty((len(density), frames))
+        frame_leverages(covariance_m2, system.information, leverage)
         with np.errstate(divide="ignore", invalid="ignore"):
             log_gain = np.log(density * self.observed.step_s ** (2 * self.smoothness.order - 1) / variance_m2[:, None])
         # An even number of frames has no middle one: the two nearest rows count, so that time may run backward.
@@ -284,7 +284,7 @@ class PathSolver:
         log_gain = np.nan_to_num(log_gain)
         log_gain = 0.5 * (log_gain[:, before] + log_gain[:, after])
         spectrum = self.spectrum(person_priors)
-        factor = spectrum.covariance_factor(inflation[:, None], log_gain, leverage)
+        factor = spectrum.covariance_factor(inflation, log_gain, leverage)
         if self.contact is not None:
             own = list(self.contact.keypoints)
             resting = spectrum.mean_factor(inflation[own, None], leverage[own])
@@ -333,10 +333,11 @@ class PathSolver:
             counts,
         )
         agreed, n_agreed = self._agreed_views
-        # Require consecutive frames: in a single frame, three views may err alike by chance.
         too_few = (counts < 2) & (n_agreed >= min_agreeing)
-        too_few = np.asarray(binary_opening(too_few, np.ones((1, _MIN_CONSECUTIVE), dtype=bool)), dtype=np.bool_)
-        weights[too_few] = agreed[too_few]
+        if too_few.any():
+            # Require consecutive frames: in a single frame, three views may err alike by chance.
+            too_few = np.asarray(binary_opening(too_few, np.ones((1, _MIN_CONSECUTIVE), dtype=bool)), dtype=np.bool_)
+            weights[too_few] = agreed[too_few]
         return weights
 
     @cached_property
@@ -366,12 +367,6 @@ class PathSolver:
         extent = extent[extent > 0.0]
         return 0.5 * float(np.median(extent)) if extent.size else np.inf
 
-    def _limit_steps(self, steps_m: np.ndarray) -> np.ndarray:
-        """Return steps limited to the linear range, because a diverging point would corrupt the following rounds."""
-        x, y, z = (steps_m[..., i] for i in range(3))
-        length = np.sqrt(x * x + y * y + z * z)
-        return steps_m * np.minimum(1.0, self.max_step_m / np.maximum(length, 1e-300))[..., None]
-
     def _local_density_factor(self, squares: np.ndarray, determined: np.ndarray) -> np.ndarray:
         """Return the local density factors."""
         if self.options.density_window_s <= 0.0 or not squares.shape[1]:
@@ -388,8 +383,10 @@ def typical_variance(information: np.ndarray, seen: np.ndarray) -> np.ndarray:
         information: shape (keypoint, block, 6 * BLOCK): see :mod:`posefuse.kernels.trajectory.blocks`.
         seen: shape (keypoint, frame), bool.
     """
-    rows = from_blocks(information, seen.shape[1])
-    trace = np.where(seen, (rows[..., 0] + rows[..., 3] + rows[..., 5]) / 3.0, np.inf)
+    keypoints, frames = seen.shape
+    own = information.reshape(keypoints, -1, 6, BLOCK)
+    trace = ((own[:, :, 0] + own[:, :, 3] + own[:, :, 5]) / 3.0).reshape(keypoints, -1)[:, :frames]
+    trace = np.where(seen, trace, np.inf)
     trace.sort(axis=1)
     count = seen.sum(axis=1)
     low, high = (

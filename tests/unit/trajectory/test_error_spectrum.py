@@ -23,16 +23,14 @@ def test_covariance_is_that_of_the_actual_errors(order, correlation_s, time_cons
     actual = assumed @ (information @ errors @ information + _UNEVEN_MOTION * prior) @ assumed
     spectrum = ErrorSpectrum(correlation_s, STEP_S, order, level)
     leverage = assumed[[200], 200] / inflation
-    factor = spectrum.covariance_factor(np.array([inflation]), np.array([np.log(gain)]), leverage)
-    assert factor[0] == pytest.approx(actual[200, 200] / assumed[200, 200], rel=0.02)
+    factor = spectrum.covariance_factor(np.array([inflation]), np.array([[np.log(gain)]]), leverage[None])
+    assert factor[0, 0] == pytest.approx(actual[200, 200] / assumed[200, 200], rel=0.02)
 
 
 def test_white_errors_change_nothing():
     spectrum = ErrorSpectrum(0.0, STEP_S, 3)
     assert np.array_equal(spectrum.power(np.array([0.01, 1.0])), np.ones(2))
-    assert np.array_equal(
-        spectrum.covariance_factor(np.ones((2, 1)), np.zeros((1, 5)), np.ones((2, 5))), np.ones((2, 5))
-    )
+    assert np.array_equal(spectrum.covariance_factor(np.ones(2), np.zeros((2, 5)), np.ones((2, 5))), np.ones((2, 5)))
 
 
 def test_slow_paths_average_less_of_lasting_errors():
@@ -46,7 +44,7 @@ def test_slow_paths_average_less_of_lasting_errors():
 
 def test_no_path_is_less_certain_than_a_single_frame_where_fewer_frames_than_usual_determine_it():
     spectrum = ErrorSpectrum(0.1, STEP_S, 3, level=0.7)
-    log_gain, inflation = np.full((1, 3), -12.0), np.array([[8.0]])
+    log_gain, inflation = np.full((1, 3), -12.0), np.array([8.0])
     none, usual, alone = spectrum.covariance_factor(inflation, log_gain, np.array([[0.0, 0.05, 1.0]]))[0]
     assert none == usual
     # The inflated variance of the frame's own point becomes the actual one, and some motion is lost.

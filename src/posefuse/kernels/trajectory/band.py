@@ -219,24 +219,32 @@ def solve_tile(factor, vector):
 
 @inline
 def gather_vector(vectors, keypoints, frames, vector):
-    """Copy the vectors of the keypoints of a tile, shape (keypoint, block, 3 * BLOCK), to it; other lanes are 0."""
-    for j in range(LANES):
-        own = vectors[max(keypoints[j], 0)]
-        for f in range(frames):
+    """Copy the vectors of the keypoints of a tile, shape (keypoint, block, 3 * BLOCK), to it; other lanes are 0.
+
+    Block after block, because the lanes of one fit in the cache.
+    """
+    for b in range(vectors.shape[1]):
+        first = b * BLOCK
+        end = min(BLOCK, frames - first)
+        for j in range(LANES):
+            own = vectors[max(keypoints[j], 0), b]
             for i in range(3):
-                value = own[f // BLOCK, i * BLOCK + f % BLOCK]
-                vector[REACH + f, i * LANES + j] = value if keypoints[j] >= 0 else 0.0
+                for n in range(end):
+                    vector[REACH + first + n, i * LANES + j] = own[i * BLOCK + n] if keypoints[j] >= 0 else 0.0
 
 
 @inline
 def scatter_vector(vector, keypoints, frames, vectors):
     """Copy a tile to the vectors of its keypoints, shape (keypoint, block, 3 * BLOCK)."""
-    for j in range(LANES):
-        if keypoints[j] >= 0:
-            own = vectors[keypoints[j]]
-            for f in range(frames):
+    for b in range(vectors.shape[1]):
+        first = b * BLOCK
+        end = min(BLOCK, frames - first)
+        for j in range(LANES):
+            if keypoints[j] >= 0:
+                own = vectors[keypoints[j], b]
                 for i in range(3):
-                    own[f // BLOCK, i * BLOCK + f % BLOCK] = vector[REACH + f, i * LANES + j]
+                    for n in range(end):
+                        own[i * BLOCK + n] = vector[REACH + first + n, i * LANES + j]
 
 
 @inline

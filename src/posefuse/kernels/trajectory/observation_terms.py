@@ -160,40 +160,64 @@ def scale_residuals(sigma, agreed, residuals, left):
                     residuals[k, f, v, i] = residuals[k, f, v, i] / sigma[k, f, v] / root if used else 0.0
 
 
-@kernel
-def whiten_errors(residuals, sigma, used, correlation, squares, counts):
-    """Compute squared innovations of errors: the part that does not follow from the last observed error, in sigmas.
+@inline
+def _add_innovations(first, residuals, retained, correlations, backward, squares):
+    """Add the squared innovations of the views of one keypoint in one direction of time.
 
     Args:
-        residuals: shape (keypoint, frame, view, 2), px.
-        sigma: shape (keypoint, frame, view), px.
-        used: shape (keypoint, frame, view): positive where an error counts.
-        correlation: shape (frame,): correlation of an error with that of the previous frame.
-        squares: shape (keypoint, frame, view), written: sum over both axes, in units of the expected variance; 0 if
-            unused.
-        counts: the same shape, written: number of values in the sum, 2 or 0.
+        first: shape (2, view): the last frame with an error, or -1, and the correlation since; overwritten.
+        residuals: shape (frame, view, 2), in sigmas of the noise model.
+        retained: shape (frame, view): positive where an error counts.
+        correlations: shape (frame + 1,): correlation of the error of each frame with that of the frame before; 0 at
+            both ends.
+        backward: whether time runs backward.
+        squares: shape (frame, view), added to.
     """
+    frames = residuals.shape[0]
+    for v in range(residuals.shape[1]):
+        first[0, v] = -1.0
+        first[1, v] = 1.0
+    for n in range(frames):
+        f = frames - 1 - n if backward else n
+        correlation = correlations[f + 1] if backward else correlations[f]
+        for v in range(residuals.shape[1]):
+            lag_correlation = first[1, v] * correlation
+            first[1, v] = lag_correlation
+            if retained[f, v] > 0.0:
+                last = int(first[0, v])
+                x = residuals[f, v, 0]
+                y = residuals[f, v, 1]
+                c = lag_correlation if last >= 0 and abs(f - last) <= REACH else 0.0
+                if c != 0.0:
+                    x -= c * residuals[last, v, 0]
+                    y -= c * residuals[last, v, 1]
+                squares[f, v] += (x * x + y * y) / (1.0 - c * c)
+                first[0, v] = f
+                first[1, v] = 1.0
+
+
+@kernel
+def whiten_errors(residuals, retained, correlations, variance, squares):
+    """Compute squared innovations of errors: the part that does not follow from the last observed error.
+
+    An innovation belongs to the later frame. The mean over both directions of time prefers neither.
+
+    Args:
+        residuals: shape (keypoint, frame, view, 2), in sigmas of the noise model.
+        retained: shape (keypoint, frame, view): weight of the innovations; 0 where an error does not count.
+        correlations: shape (frame + 1,): correlation of the error of each frame with that of the frame before; 0 at
+            both ends.
+        variance: of the errors, relative to the noise model.
+        squares: shape (keypoint, frame, view), written: weighted sum over both axes, in units of the expected variance.
+    """
+    first = np.empty((2, residuals.shape[2]))
     for k in range(residuals.shape[0]):
-        for v in range(residuals.shape[2]):
-            last = -1
-            lag_correlation = 1.0
-            for f in range(residuals.shape[1]):
-                lag_correlation *= correlation[f]
-                squares[k, f, v] = 0.0
-                counts[k, f, v] = 0.0
-                if not used[k, f, v] > 0.0:
-                    continue
-                x = residuals[k, f, v, 0] / sigma[k, f, v]
-                y = residuals[k, f, v, 1] / sigma[k, f, v]
-                c = 0.0
-                if last >= 0 and f - last <= REACH:
-                    c = lag_correlation
-                    x -= c * residuals[k, last, v, 0] / sigma[k, last, v]
-                    y -= c * residuals[k, last, v, 1] / sigma[k, last, v]
-                squares[k, f, v] = (x * x + y * y) / (1.0 - c * c)
-                counts[k, f, v] = 2.0
-                last = f
-                lag_correlation = 1.0
+        squares[k] = 0.0
+        _add_innovations(first, residuals[k], retained[k], correlations, False, squares[k])
+        _add_innovations(first, residuals[k], retained[k], correlations, True, squares[k])
+        for f in range(residuals.shape[1]):
+            for v in range(residuals.shape[2]):
+                squares[k, f, v] *= 0.5 * retained[k, f, v] / variance
 
 
 @kernel

@@ -12,6 +12,7 @@ from posefuse.kernels.trajectory.observation_terms import (
     add_views,
     scale_residuals,
     weigh_observations,
+    whiten_errors,
 )
 from posefuse.synthetic.rigs import build_rig
 
@@ -97,3 +98,23 @@ def test_scaled_residuals_have_the_variance_of_errors():
     scale_residuals(sigma, agreed, residuals, left)
     np.testing.assert_allclose(residuals, expected, rtol=1e-14)
     np.testing.assert_array_equal(left, np.where(used, retained, 0.0))
+
+
+def test_innovations_do_not_follow_from_the_last_observed_error_in_either_direction():
+    rng = np.random.default_rng(3)
+    residuals, retained = rng.normal(size=(1, 9, 2, 2)), rng.uniform(0.5, 1.0, (1, 9, 2))
+    retained[0, [2, 4, 5, 6, 7], 0] = 0.0
+    correlations = np.array([0.0, *rng.uniform(0.3, 0.8, 8), 0.0])
+    squares = np.empty(retained.shape)
+    whiten_errors(residuals, retained, correlations, 1.5, squares)
+    expected = np.zeros((9, 2))
+    for view in range(2):
+        own = [f for f in range(9) if retained[0, f, view] > 0.0]
+        for f in own:
+            for others in ([g for g in own if f - 3 <= g < f][-1:], [g for g in own if f < g <= f + 3][:1]):
+                c, last = 0.0, f
+                for last in others:
+                    c = np.prod(correlations[min(f, last) + 1 : max(f, last) + 1])
+                innovation = residuals[0, f, view] - c * residuals[0, last, view]
+                expected[f, view] += 0.5 * retained[0, f, view] * np.square(innovation).sum() / (1.0 - c**2) / 1.5
+    np.testing.assert_allclose(squares[0], expected)
