@@ -209,7 +209,6 @@ TESTED_ELSEWHERE = {
         "tracking/strategies/pelvis_distance.py",
         "tracking/strategy.py",
     ),
-    "unit/tracking/test_history.py": ("tracking/history_entries.py",),
     "unit/tracking/test_manage.py": ("tracking/promotion.py",),
     "unit/tracking/test_smoothing.py": (
         "tracking/backward_pass.py",

@@ -177,7 +177,7 @@ def _result(job: Job, state: JobState, remembered: _Remembered, outcome: Outcome
 
 def _statistics(result: Reconstruction) -> ResultStatistics:
     layer, _ = result.best_layer(result.options.layer)
-    summary = summarize(result.chunks(), layer)
+    summary = summarize(result.windows(), layer)
     with_points = sum(n for code, n in summary.status_counts.items() if code.has_point)
     return ResultStatistics(
         frames=result.n_frames,

@@ -47,7 +47,7 @@ def describe_result(result: Reconstruction) -> None:
     from posefuse.report.verdict import judge_result
 
     name, _ = result.best_layer(result.options.layer)
-    summary = summarize(result.chunks(), name)
+    summary = summarize(result.windows(), name)
     rate = f" at {result.rate_hz:g} Hz" if result.rate_hz else ""
     note(
         f"{count(result.n_frames, 'frame')}{rate}, {count(len(result.rig), 'camera')}, "
@@ -151,7 +151,7 @@ def _describe_people(result: Reconstruction, layer: LayerName) -> None:
         note(f"frame {event.number}: {event.person}: {event.what}: {event.why}")
     if len(major) > _MOST_EVENTS and not detail.verbose:
         say(f"and {count(len(major) - _MOST_EVENTS, 'event')} of these kinds (events.csv, --verbose)")
-    people = summarize_people(result.chunks(), layer)
+    people = summarize_people(result.windows(), layer)
     if not people:
         return
     timed = bool(np.isfinite(result.time_s).all())

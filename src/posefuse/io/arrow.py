@@ -26,6 +26,27 @@ def import_pyarrow() -> Any:
     return pyarrow
 
 
+def numbers_in(values: Any, default: int | None = None) -> np.ndarray:
+    """Return a column or an array of pyarrow as a NumPy array.
+
+    Numbers without null are taken from memory as they are: pyarrow's own conversion imports pandas where that is
+    installed, which takes most of a second.
+
+    Args:
+        values: the column or array.
+        default: replaces null; None leaves it to pyarrow, which returns NaN.
+    """
+    types, kind, whole = import_pyarrow().types, values.type, values.null_count == 0
+    if not (whole and (types.is_integer(kind) or types.is_floating(kind))):
+        filled = values if default is None or whole else values.fill_null(default)
+        return filled.to_numpy(zero_copy_only=False)
+    dtype, parts = np.dtype(kind.to_pandas_dtype()), getattr(values, "chunks", [values])
+    pieces = [
+        np.frombuffer(part.buffers()[1], dtype, len(part), part.offset * dtype.itemsize) for part in parts if len(part)
+    ]
+    return pieces[0] if len(pieces) == 1 else np.concatenate([np.empty(0, dtype), *pieces])
+
+
 def arrow_table(columns: Columns, *, coded_words: bool) -> Any:
     """Return columns as a table of pyarrow; words with a dictionary, if ``coded_words``, or as plain strings."""
     pa = import_pyarrow()

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.arrays import frozen, kernel_array
+from posefuse.arrays import frozen
 from posefuse.kernels.tracking.frame_statistics import assign_labels, clear_majority_swaps, record_matches
 from posefuse.kernels.tracking.matching import match_views
 from posefuse.model.frames import Frame
@@ -107,9 +107,11 @@ def suppress_single_view_matches(rows: np.ndarray, gain: np.ndarray, lost: np.nd
         lost: shape (track,), bool: which tracks are lost.
         options: Options of the tracker.
     """
-    n_views = (rows >= 0).sum(axis=1)
-    rows[lost & (n_views < options.reacquire_views)] = -1
-    for p in np.flatnonzero(~lost & (n_views == 1)).tolist():
+    n_views, is_lost = (rows >= 0).sum(axis=1).tolist(), lost.tolist()
+    for p, shown in enumerate(n_views):
+        if is_lost[p] and shown < options.reacquire_views:
+            rows[p] = -1
+    for p in [p for p, shown in enumerate(n_views) if shown == 1 and not is_lost[p]]:
         v = int(rows[p].argmax())
         others = gain[rows[:, v] >= 0, rows[p, v]]
         if others.max() > gain[p, rows[p, v]]:
@@ -119,5 +121,5 @@ def suppress_single_view_matches(rows: np.ndarray, gain: np.ndarray, lost: np.nd
 def _keypoint_labels(rows: np.ndarray, swapped: np.ndarray, settings: TrackerSettings) -> np.ndarray:
     """Return which of a detection's keypoints is the body's, shape (track, view, keypoint)."""
     labels = np.empty((*rows.shape, len(settings.skeleton)), dtype=np.int64)
-    assign_labels(rows, swapped, kernel_array(settings.group_of, np.int64), settings.skeleton.mirror, labels)
+    assign_labels(rows, swapped, settings.frozen_groups, settings.skeleton.mirror, labels)
     return labels

@@ -19,7 +19,7 @@ from posefuse.model.frames import Frame
 from posefuse.model.options.tracker import MotionOptions
 from posefuse.skeleton.trees import Tree
 from posefuse.tracking.body_states import ProjectedBodies, select_states
-from posefuse.tracking.frame_clock import view_times
+from posefuse.tracking.frame_clock import differ_in_time, view_times
 from posefuse.tracking.settings import TrackerSettings, correlation_factor, tempering_factor
 
 _CHECK_S = 0.4
@@ -298,12 +298,11 @@ def keypoints_at_one_time(
         rows: shape (body, view), int64: assigned detections, -1 for none.
         settings: Settings of the tracker.
     """
-    times = view_times(frame, time_s)
-    if len(times) == 1:
+    if not differ_in_time(frame):
         return frame.keypoints_px
     moved_px, bodies, n = frame.keypoints_px.copy(), len(state.root), settings.tree.n_pose
     now = ProjectedBodies.of(state, settings.cameras, settings.body).pixels
-    for taken_s, views in times:
+    for taken_s, views in view_times(frame, time_s):
         then = select_states(state, np.arange(bodies))
         change = np.zeros((bodies, state.covariance.shape[1]))
         change[:, :n] = (taken_s - time_s) * state.velocity

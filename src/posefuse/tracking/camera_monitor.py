@@ -72,18 +72,19 @@ class CameraMonitor:
         support = ViewSupport(self.expected_s, self.matched_s, self.unexplained_s, self.n_due)
         accumulate_view_support(supported, expected, n_unassigned, fade, dt_s, support)
         changes: list[CameraChange] = []
-        times = zip(self.expected_s.tolist(), self.matched_s.tolist(), self.unexplained_s.tolist(), strict=True)
-        for v, (expected_s, matched_s, unexplained_s) in enumerate(times):
-            share, unexplained = matched_s / max(expected_s, 1e-9), unexplained_s / max(expected_s, 1e-9)
-            judged = expected_s > options.min_expected_s
-            if self.rejected[v] and judged and share > options.restore_above_share:
+        columns = (self.expected_s, self.matched_s, self.unexplained_s, self.rejected)
+        views = zip(*(each.tolist() for each in columns), strict=True)
+        for v, (expected_s, matched_s, unexplained_s, rejected) in enumerate(views):
+            if not expected_s > options.min_expected_s:
+                continue
+            share = matched_s / max(expected_s, 1e-9)
+            if rejected and share > options.restore_above_share:
                 self.rejected[v] = False
                 changes.append((v, "camera_restored", f"it shows {share:.0%} of the people whom other cameras show"))
             elif (
-                not self.rejected[v]
-                and judged
+                not rejected
                 and share < options.reject_below_share
-                and unexplained > options.min_unexplained_share
+                and unexplained_s / max(expected_s, 1e-9) > options.min_unexplained_share
             ):
                 self.rejected[v] = True
                 reason = f"it shows {share:.0%} of the people whom other cameras show, and people elsewhere"

@@ -111,6 +111,8 @@ def update_doubts(doubts: Doubts, tracks: TrackSet, outcome: FrameOutcome, setti
         outcome: Outcome of the frame for these tracks.
         settings: Settings of the tracker.
     """
+    if not doubts:
+        return
     index = {track.number: p for p, track in enumerate(tracks.tracks)}
     names = {track.number: track.name for track in tracks.tracks}
     for name, each in list(doubts.items()):

@@ -91,6 +91,12 @@ def _all_later(seen_s: list[float], last_s: list[float]) -> bool:
     return bool(ahead) and min(ahead) > 0.0
 
 
+def differ_in_time(frame: Frame) -> bool:
+    """Return whether :func:`view_times` of a frame are several."""
+    known = [now for now in frame.taken_s if not math.isnan(now)]
+    return bool(known) and max(known) - min(known) >= _SAME_TIME_S
+
+
 def view_times(frame: Frame, time_s: float) -> list[tuple[float, np.ndarray]]:
     """Return the times at which views took a frame, in order, each with a mask of its views, shape (view,).
 

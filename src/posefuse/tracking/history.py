@@ -12,16 +12,18 @@ from typing import Any
 
 import numpy as np
 
+from posefuse.arrays import kernel_array
 from posefuse.checkpoint import Spool
 from posefuse.errors import DetectionsError
+from posefuse.kernels.tracking.history_rows import RowHeads, SeenPeople
 from posefuse.kernels.tracking.predict import predict_people
 from posefuse.kernels.tracking.records import State
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.body_states import select_states
 from posefuse.tracking.history_blocks import Block
-from posefuse.tracking.history_entries import AssignedViews, Entries
+from posefuse.tracking.history_entries import Entries
 from posefuse.tracking.parts import PartTracker
-from posefuse.tracking.records import AssignedKeypoints, PastState, People, Person, Track, TrackedFrame
+from posefuse.tracking.records import PastState, People, Person, Track, TrackedFrame
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.tracker import ArticulatedTracker
 
@@ -148,8 +150,6 @@ class History:
     def __getstate__(self) -> dict[str, Any]:
         """Return everything but the spool; call :meth:`attach_spool` after unpickling."""
         self._settle()
-        for block in self._blocks:
-            block.pack()
         return {name: value for name, value in vars(self).items() if name not in ("_spool", "_thread", "_recent")}
 
     def attach_spool(self, spool: Spool, thread: Executor | None = None) -> None:
@@ -180,16 +180,16 @@ class History:
         Raises:
             DetectionsError: If the frame is not later than the last one.
         """
-        people = tracked.people
+        people, tracks = tracked.people, tracker.tracks
         here = self._next(people.number, people.time_s)
         person_of = {person.name: person for person in people.people}
-        for p, track in enumerate(tracker.tracks):
+        fresh = [False] * len(tracks)
+        for p, track in enumerate(tracks if tracked.past_states else ()):
             past = tracked.past_states.get(track.name)
-            fresh = past is not None
-            if past:
-                fresh = not self._add_past(track.number, past, here)
-            seen = self._views(person_of[track.name], tracked.assigned, track.number)
-            self._put(track.number, _entry(here, fresh, tracker.state, p, seen, person_of[track.name]))
+            if past is not None:
+                fresh[p] = not (past and self._add_past(track.number, past, here))
+        numbers = [track.number for track in tracks]
+        self._add_people(here, numbers, fresh, [person_of[track.name] for track in tracks], tracker.state, tracked)
 
     def add_parts(self, tracker: PartTracker, tracks: list[Track], people: People) -> None:
         """Add the part tracks of a frame; this is the history of that part.
@@ -204,9 +204,46 @@ class History:
         """
         here = self._next(people.number, people.time_s)
         numbers = {track.name: track.number for track in tracks}
-        for p, (part, person) in enumerate(zip(tracker.tracks, tracker.people, strict=True)):
-            seen = self._views(person, None, -1)
-            self._put(numbers[part.name], _entry(here, part.fresh, tracker.state, p, seen, person))
+        found, fresh = [numbers[part.name] for part in tracker.tracks], [part.fresh for part in tracker.tracks]
+        self._add_people(here, found, fresh, list(tracker.people), tracker.state, None)
+
+    def _add_people(
+        self,
+        here: int,
+        numbers: list[int],
+        fresh: list[bool],
+        people: list[Person],
+        state: State,
+        tracked: TrackedFrame | None,
+    ) -> None:
+        """Add the entries of all people in a frame."""
+        if not people:
+            return
+        rows, used = np.array([each.rows for each in people]), np.array([each.used for each in people])
+        assigned = None if tracked is None else tracked.assigned
+        if assigned is None or not len(assigned.keypoints_px):
+            seen = self._unseen(rows, used)
+        else:
+            among = assigned.numbers
+            index = np.array([among.index(number) if number in among else -1 for number in numbers])
+            seen = SeenPeople(
+                rows, used, index, assigned.rows, assigned.labels, kernel_array(assigned.keypoints_px),
+                assigned.confidence, self.settings.node_keypoints,
+            )  # fmt: skip
+        life, missing_s = [each.state for each in people], [each.missing_s for each in people]
+        heads = RowHeads(
+            here, np.array(numbers), np.array(fresh), np.array(life, dtype=np.int8), np.array(missing_s, dtype=float)
+        )
+        self._put(heads, state, seen)
+
+    def _unseen(self, rows: np.ndarray, used: np.ndarray) -> SeenPeople:
+        """Return what the views show of people whose keypoints are not kept."""
+        none, views, keypoints = np.full(len(rows), -1), *used.shape[1:]
+        return SeenPeople(
+            rows, used, none, np.empty((0, views), dtype=np.int64), np.empty((0, views, keypoints), dtype=np.int64),
+            kernel_array(np.empty((0, keypoints, 2))), kernel_array(np.empty((0, keypoints))),
+            self.settings.node_keypoints,
+        )  # fmt: skip
 
     def _next(self, number: int, time_s: float) -> int:
         """Start a frame and return its index in the history."""
@@ -238,60 +275,50 @@ class History:
             return False
         state, last_seen_s = select_states(by_place[min(by_place)].state, [0]), 0.0
         views, keypoints = len(s.rig), len(s.skeleton)
-        unseen = AssignedViews(
-            np.full(views, -1), np.zeros((views, keypoints), dtype=bool),
-            np.full((views, len(s.node_keypoints), 2), np.nan), np.full((views, len(s.node_keypoints)), np.nan),
-        )  # fmt: skip
+        nobody = self._unseen(np.full((1, views), -1), np.zeros((1, views, keypoints), dtype=bool))
+        own, labels = np.arange(views)[None], np.tile(np.arange(keypoints), (1, views, 1))
         for place in range(min(by_place), here):
-            each = by_place.get(place)
+            each, seen = by_place.get(place), nobody
             if each is not None:
                 state, last_seen_s = select_states(each.state, [0]), self.time_s[place]
                 used = np.tile(each.rows[:, None] >= 0, (1, keypoints))
-                own = s.node_keypoints
-                seen = AssignedViews(each.rows, used, each.keypoints_px[:, own], each.confidence[:, own])
+                pixels, confidence = kernel_array(each.keypoints_px), kernel_array(each.confidence)
+                seen = SeenPeople(
+                    each.rows[None], used[None], np.zeros(1, dtype=np.int64), own, labels, pixels, confidence,
+                    s.node_keypoints,
+                )  # fmt: skip
             else:
                 dt_s = np.array([self.time_s[place] - self.time_s[place - 1]])
                 predict_people(dt_s, s.motion, state)
-                seen = unseen
-            missing_s = self.time_s[place] - last_seen_s
-            self._put(
-                number,
-                Entries.one(place, place == min(by_place), state, seen, TrackState.TENTATIVE, missing_s),
-            )
+            fresh, life = np.array([place == min(by_place)]), np.array([TrackState.TENTATIVE], dtype=np.int8)
+            missing_s = np.array([self.time_s[place] - last_seen_s])
+            self._put(RowHeads(place, np.array([number]), fresh, life, missing_s), state, seen)
         return True
 
-    def _views(self, person: Person, assigned: AssignedKeypoints | None, number: int) -> AssignedViews:
-        """Return what the views show of a person, the track with a number."""
-        own, views = self.settings.node_keypoints, len(person.used)
-        if assigned is None or number not in assigned.numbers or not len(assigned.keypoints_px):
-            pixels, confidence = np.full((views, len(own), 2), np.nan), np.full((views, len(own)), np.nan)
-            return AssignedViews(person.rows, person.used, pixels, confidence)
-        p = assigned.numbers.index(number)
-        rows, labels = assigned.rows[p][:, None], assigned.labels[p][:, own]
-        there = (rows >= 0) & (labels >= 0)
-        # A missing row or label, -1, reads the last one.
-        pixels = np.where(there[:, :, None], assigned.keypoints_px[rows, labels], np.nan)
-        confidence = np.where(there, assigned.confidence[rows, labels], np.nan)
-        return AssignedViews(person.rows, person.used, pixels, confidence)
+    def _put(self, heads: RowHeads, state: State, seen: SeenPeople) -> None:
+        """Add entries of a frame, or replace them."""
+        for p, (number, free) in enumerate(zip(heads.number.tolist(), state.free.tolist(), strict=True)):
+            self._extend_epoch(number, heads.place, None if free else state.shape[p])
+        block = next(block for block in reversed(self._blocks) if block.first <= heads.place)
+        block.table.add(heads, state, seen)
 
-    def _put(self, number: int, entry: Entries) -> None:
-        place = int(entry.places[0])
-        self._extend_epoch(number, place, entry)
-        block = next(block for block in reversed(self._blocks) if block.first <= place)
-        block.put(number, place, entry)
-
-    def _extend_epoch(self, number: int, place: int, entry: Entries) -> None:
+    def _extend_epoch(self, number: int, place: int, shape_m: np.ndarray | None) -> None:
         """Add a frame to the last epoch of a track, or begin one if the track's lengths are reestimated or replaced."""
-        epochs, shape_m = self.epochs.setdefault(number, []), None if entry.free[0] else entry.shape[0]
+        epochs = self.epochs.setdefault(number, [])
         if epochs:
             last = epochs[-1]
-            reopened = shape_m is None and last.shape_m is not None
-            replaced = shape_m is not None and last.shape_m is not None and _differ(shape_m, last.shape_m)
-            if not (reopened or replaced):
-                stop = max(last.stop, place + 1)
-                epochs[-1] = Epoch(min(last.start, place), stop, last.shape_m if shape_m is None else shape_m)
+            known_m = last.shape_m
+            if shape_m is None or known_m is None:
+                continues = known_m is None
+            else:
+                continues = _equal(shape_m, known_m) or not _differ(shape_m, known_m)
+            if continues:
+                # To keep equal lengths is faster than to copy the new ones.
+                if shape_m is not None and (known_m is None or not _equal(shape_m, known_m)):
+                    known_m = shape_m.copy()
+                epochs[-1] = Epoch(min(last.start, place), max(last.stop, place + 1), known_m)
                 return
-        epochs.append(Epoch(place, place + 1, shape_m))
+        epochs.append(Epoch(place, place + 1, None if shape_m is None else shape_m.copy()))
 
     def place(self, number: int) -> int:
         """Return the index of the frame with a number.
@@ -347,14 +374,11 @@ class History:
         )  # fmt: skip
 
 
+def _equal(shape_m: np.ndarray, other_m: np.ndarray) -> bool:
+    """Return whether lengths are the same; to compare a few bytes is much faster than to compare arrays."""
+    return shape_m.tobytes() == other_m.tobytes()
+
+
 def _differ(shape_m: np.ndarray, other_m: np.ndarray) -> bool:
     """Return whether lengths are those of another body, and not refined ones of the same."""
-    if np.array_equal(shape_m, other_m):
-        return False
     return bool(np.median(np.abs(shape_m - other_m) / np.abs(other_m)) > _OTHER_BODY)
-
-
-def _entry(place: int, fresh: bool, states: State, p: int, seen: AssignedViews, person: Person) -> Entries:
-    """Return the entry of one person in one frame."""
-    state = State(*(each[p : p + 1] for each in states))
-    return Entries.one(place, fresh, state, seen, person.state, person.missing_s)

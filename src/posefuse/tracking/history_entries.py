@@ -1,34 +1,17 @@
-"""Compact storage of one track's states in a history."""
+"""Compact storage of the states of tracks in a history."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
-from posefuse.kernels.linear_algebra.triangles import pack_triangle, unpack_triangles
+from posefuse.kernels.linear_algebra.triangles import unpack_triangles
+from posefuse.kernels.tracking.history_rows import HistoryRows, RowHeads, SeenPeople, write_rows
 from posefuse.kernels.tracking.records import State
-from posefuse.model.tracks import TrackState
 
-_DROPPED_BITS = 20
-"""Number of the last of the 52 stored binary digits of a covariance that are rounded away."""
-
-
-@dataclass(frozen=True, eq=False)
-class AssignedViews:
-    """What the views show of one person in one frame.
-
-    Attributes:
-        rows: shape (view,), int64: assigned detections, -1 for none.
-        used: shape (view, keypoint), bool: keypoints that the update used.
-        keypoints_px: shape (view, node keypoint, 2): assigned keypoints of the body, NaN where there is none.
-        confidence: shape (view, node keypoint).
-    """
-
-    rows: np.ndarray
-    used: np.ndarray
-    keypoints_px: np.ndarray
-    confidence: np.ndarray
+_FIRST_ROWS = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,23 +58,6 @@ class Entries:
         return len(self.places)
 
     @classmethod
-    def one(
-        cls, place: int, fresh: bool, state: State, seen: AssignedViews, life: TrackState, missing_s: float
-    ) -> "Entries":
-        """Return the entry of one frame, with copies of the state of one person."""
-        n, fixed = state.velocity.shape[1], 0 if state.free[0] else state.shape.shape[1]
-        size = state.covariance.shape[1] - fixed
-        triangle = np.empty(size * (size + 1) // 2)
-        pack_triangle(state.covariance[0], n, fixed, triangle)
-        _round_in_place(triangle)
-        return cls(
-            np.array([place]), np.array([fresh]), seen.rows[None].copy(), seen.used[None].copy(),
-            np.array([life], dtype=np.int8), np.array([missing_s]), seen.keypoints_px[None].astype(np.float32),
-            seen.confidence[None].astype(np.float32), state.root.copy(), state.turns.copy(),
-            state.bones.copy(), state.shape.copy(), state.velocity.copy(), state.free.copy(), triangle,
-        )  # fmt: skip
-
-    @classmethod
     def joined(cls, parts: Sequence["Entries"]) -> "Entries":
         """Return consecutive entries as one."""
         if len(parts) == 1:
@@ -127,8 +93,94 @@ class Entries:
         return State(self.root, self.turns, self.bones, self.shape, self.velocity, covariance, self.free)
 
 
-def _round_in_place(numbers: np.ndarray) -> None:
-    """Round finite float64 numbers to fewer binary digits; half is rounded away from zero."""
-    bits = numbers.view(np.int64)
-    bits += 1 << (_DROPPED_BITS - 1)
-    bits &= -(1 << _DROPPED_BITS)
+class EntryTable:
+    """Entries of several tracks, in the order in which they were added."""
+
+    def __init__(self) -> None:
+        self._rows: HistoryRows | None = None
+        self._count = 0
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the state without unused rows."""
+        return {"_rows": None if self._rows is None else self._written, "_count": self._count}
+
+    def __len__(self) -> int:
+        return self._count
+
+    @property
+    def _written(self) -> HistoryRows:
+        assert self._rows is not None
+        return HistoryRows(*(each[: self._count] for each in self._rows))
+
+    def add(self, heads: RowHeads, state: State, seen: SeenPeople) -> None:
+        """Add the entries of some people in one frame; they replace earlier entries of the same tracks and frame."""
+        first, count = self._count, self._count + len(heads.number)
+        if self._rows is None:
+            self._rows = _empty_rows(max(_FIRST_ROWS, count), state, seen)
+        elif count > len(self._rows.number):
+            grown = _empty_rows(2 * count, state, seen)
+            for new, old in zip(grown, self._written, strict=True):
+                new[:first] = old
+            self._rows = grown
+        write_rows(first, heads, state, seen, self._rows)
+        self._count = count
+
+    def by_track(self, start: int, stop: int) -> dict[int, Entries]:
+        """Return the entries of the frames ``start`` to ``stop`` by track number, in the order of their first entry."""
+        if self._rows is None:
+            return {}
+        written = self._written
+        inside = (written.places >= start) & (written.places < stop)
+        found = {}
+        for number in dict.fromkeys(written.number.tolist()):
+            own = np.flatnonzero(inside & (written.number == number))
+            if len(own):
+                found[number] = _entries_of(written, _latest(own, written.places[own]))
+        return found
+
+
+def _empty_rows(count: int, state: State, seen: SeenPeople) -> HistoryRows:
+    """Return rows to be written, of the shapes that a state and the views determine."""
+    (views, keypoints), own, size = seen.used.shape[1:], len(seen.node_keypoints), state.covariance.shape[1]
+    return HistoryRows(
+        number=np.empty(count, dtype=np.int64),
+        places=np.empty(count, dtype=np.int64),
+        fresh=np.empty(count, dtype=bool),
+        rows=np.empty((count, views), dtype=np.int64),
+        used=np.empty((count, views, keypoints), dtype=bool),
+        life=np.empty(count, dtype=np.int8),
+        missing_s=np.empty(count),
+        keypoints_px=np.empty((count, views, own, 2), dtype=np.float32),
+        confidence=np.empty((count, views, own), dtype=np.float32),
+        root=np.empty((count, 3)),
+        turns=np.empty((count, *state.turns.shape[1:])),
+        bones=np.empty((count, *state.bones.shape[1:])),
+        shape=np.empty((count, state.shape.shape[1])),
+        velocity=np.empty((count, state.velocity.shape[1])),
+        free=np.empty(count, dtype=np.int64),
+        triangles=np.zeros((count, size * (size + 1) // 2)),
+    )
+
+
+def _latest(rows: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Return the last row of each frame, ordered by frame."""
+    if (np.diff(places) > 0).all():
+        return rows
+    _, last = np.unique(places[::-1], return_index=True)
+    return rows[::-1][last]
+
+
+def _entries_of(written: HistoryRows, rows: np.ndarray) -> Entries:
+    """Return some rows, which are those of one track, as entries."""
+    free, full = written.free[rows] != 0, written.triangles.shape[1]
+    size = 2 * written.velocity.shape[1]
+    fixed = size * (size + 1) // 2
+    if free.all():
+        triangles = written.triangles[rows].ravel()
+    elif not free.any():
+        triangles = written.triangles[rows, :fixed].ravel()
+    else:
+        parts = zip(rows.tolist(), free.tolist(), strict=True)
+        triangles = np.concatenate([written.triangles[row, : full if is_free else fixed] for row, is_free in parts])
+    columns = {field.name: getattr(written, field.name)[rows] for field in fields(Entries) if field.name != "triangles"}
+    return Entries(**columns, triangles=triangles)

@@ -81,11 +81,14 @@ def update_contacts(
         del contacts[pair]
     if len(tracks) < 2:
         return
-    # Views that share one detection between two people show only one of them.
-    supported, expected = outcome.supported & (outcome.rows >= 0), outcome.expected
     roots = state.root.tolist()
     known = {tuple(sorted((index[first], index[second]))) for first, second in contacts}
-    for p, q in sorted(known | _near_pairs(roots, options.near_m)):
+    pairs = sorted(known | _near_pairs(roots, options.near_m))
+    if not pairs:
+        return
+    # Views that share one detection between two people show only one of them.
+    supported, expected = outcome.supported & (outcome.rows >= 0), outcome.expected
+    for p, q in pairs:
         pair, distance_m, merged_s = ordered_pair(tracks[p].name, tracks[q].name), math.dist(roots[p], roots[q]), 0.0
         if distance_m < options.near_m:
             both = expected[p] & expected[q]

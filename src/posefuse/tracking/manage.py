@@ -1,6 +1,6 @@
 """Fourth step of the tracker: manage the lifecycle, the cameras, the identities and the initiation of tracks."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -112,7 +112,9 @@ def manage(
         audited, swaps = _audit(tracks, book.contacts, outcome, setup)
         events += audited
     update_doubts(book.pool.doubts, tracks, outcome, s)
-    points_m = prediction.projected.points_m[remaining]
+    points_m = prediction.projected.points_m
+    if len(remaining) < len(points_m):
+        points_m = points_m[remaining]
     promoted = promote_tracks(tracks, book.pool, frame, association, outcome, points_m, rejected, setup)
     events += promoted.events
     rows, used = promoted.rows, promoted.used
@@ -121,8 +123,9 @@ def manage(
         drop_contacts(book.contacts, each.names)
         events.append(Event(frame.frame.number, frame.time_s, each.names[0], "identities_swapped", each.reason))
     lost_again = len(tracks) - len(rows)
-    rows = np.concatenate([rows, np.full((lost_again, *rows.shape[1:]), -1)])
-    used = np.concatenate([used, np.zeros((lost_again, *used.shape[1:]), dtype=bool)])
+    if lost_again:
+        rows = np.concatenate([rows, np.full((lost_again, *rows.shape[1:]), -1)])
+        used = np.concatenate([used, np.zeros((lost_again, *used.shape[1:]), dtype=bool)])
     innovations = {number: each for number, each in update.innovations.items() if number not in promoted.restored}
     return Management(rows, used, innovations, tuple(events), promoted.past_states, tuple(swaps))
 
@@ -138,7 +141,7 @@ def _update_lifecycle(
     s, events = setup.settings, []
     if not len(tracks):
         return []
-    outcome = replace(outcome, expected=_reliable_views(tracks, outcome, prediction, rejected, setup))
+    outcome = outcome.with_expected(_reliable_views(tracks, outcome, prediction, rejected, setup))
     setup.strategy.noise.adapt(outcome, tracks.recent, tracks.state, s)
     scores = setup.strategy.score.track_scores(outcome, tracks.tracks, tracks.state, s)
     thresholds = lifecycle_thresholds(setup)
@@ -191,14 +194,18 @@ def _monitor_cameras(
     setup: TrackerSetup,
 ) -> list[Event]:
     """Find cameras that moved, that fell silent, or that are back."""
-    options, names = setup.settings.options.camera_monitor, setup.settings.rig.names
+    options, rig = setup.settings.options.camera_monitor, setup.settings.rig
     active = tracks.is_in_state(TrackState.ACTIVE)
     unassigned = find_unassigned(frame.frame, outcome.rows, association.explained)
-    n_unassigned = np.bincount(frame.frame.view[unassigned], minlength=len(names))
-    changes = monitor.update_fit(
-        outcome.supported[active], outcome.expected[active], n_unassigned, frame.dt_s, options
-    )  # fmt: skip
+    n_unassigned = np.bincount(frame.frame.view[unassigned], minlength=len(rig))
+    supported, expected = outcome.supported, outcome.expected
+    if not active.all():
+        supported, expected = supported[active], expected[active]
+    changes = monitor.update_fit(supported, expected, n_unassigned, frame.dt_s, options)
     changes += monitor.update_silence(frame.frame.recorded, frame.frame.shown, frame.dt_s, options)
+    if not changes:
+        return []
+    names = rig.names
     return [Event(frame.frame.number, frame.time_s, names[v], kind, reason) for v, kind, reason in changes]
 
 

@@ -9,7 +9,7 @@ from posefuse.kernels.tracking.records import State
 from posefuse.model.frames import Frame
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.tracking.body_states import ProjectedBodies, select_states
-from posefuse.tracking.frame_clock import view_times
+from posefuse.tracking.frame_clock import differ_in_time
 from posefuse.tracking.strategy import TrackerSetup
 from posefuse.tracking.track_set import TrackSet
 
@@ -59,9 +59,8 @@ def predict(tracks: TrackSet, frame: FrameInput, setup: TrackerSetup) -> Predict
     s = setup.settings
     if not len(tracks):
         return Prediction(ProjectedBodies.allocate(0, len(s.rig), len(s.skeleton)), None)
-    views_differ = len(view_times(frame.frame, frame.time_s)) > 1
     setup.strategy.prior.prepare(tracks.state, tracks.recent)
-    before = select_states(tracks.state, np.arange(len(tracks))) if views_differ else None
+    before = select_states(tracks.state, np.arange(len(tracks))) if differ_in_time(frame.frame) else None
     setup.strategy.motion.advance(tracks.state, frame.dt_s, s)
     projected = tracks.projected(s.cameras, s)
     predict_swaps(tracks.recent.swapped, frame.dt_s, s.options)

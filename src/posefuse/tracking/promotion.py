@@ -86,6 +86,8 @@ def promote_tracks(
     free[list(single_view)] = True
     observations = _propose_new_people(tracks, frame, free, predicted_points_m, rejected, setup, setup.propose_new)
     expected = _propose_expected(tracks, frame, free, predicted_points_m, rejected, setup, observations)
+    if not (pool.tracks or observations or expected):
+        return Promotions(outcome.rows.copy(), outcome.used.copy(), (), {}, frozenset())
     distance = setup.strategy.distance
     for each in continue_tentative(pool.tracks, observations, lambda a, b: distance.distance(a, b, s)):
         pool.n_created += 1

@@ -20,11 +20,10 @@ def is_long_gap(dt_s: float, settings: TrackerSettings) -> bool:
     A direction with the stationary distribution of velocities turns by the variance
     ``q T^2 (dt - T (1 - exp(-dt / T)))``.
     """
-    # All segments share one motion model, and so do all bones: one of each follows the root, the other is last.
-    for i in (3, settings.tree.n_pose - 1):
-        q, decay = float(settings.power[i]), float(settings.decay_s[i])
+    share = settings.options.reinitialization.unknown_share
+    for q, decay, most in settings.turning_motions:
         turned = q * decay**2 * (dt_s - decay * (1.0 - math.exp(-dt_s / decay)))
-        if turned > settings.options.reinitialization.unknown_share * float(settings.most[i]):
+        if turned > share * most:
             return True
     return False
 

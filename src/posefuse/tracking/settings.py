@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from posefuse.arrays import PickledByFields, frozen
+from posefuse.arrays import PickledByFields, frozen, kernel_array
 from posefuse.errors import SkeletonError
 from posefuse.kernels.tracking.error_model import ErrorModel
 from posefuse.kernels.tracking.records import Body, KeypointGraph, MotionModel, SideGroups
@@ -115,6 +115,19 @@ class TrackerSettings(PickledByFields):
     def node_keypoints(self) -> np.ndarray:
         """The keypoints that the body has, shape (node keypoint,), int64."""
         return np.flatnonzero(self.body.keypoint_nodes >= 0)
+
+    @cached_property
+    def frozen_groups(self) -> np.ndarray:
+        """``group_of`` as kernels take it, shape (keypoint,), int64."""
+        return kernel_array(self.group_of, np.int64)
+
+    @cached_property
+    def turning_motions(self) -> tuple[tuple[float, float, float], ...]:
+        """Spectral density, decay time and largest variance of the turns of segments and of those of bones."""
+        # All segments share one motion model, and so do all bones: one of each follows the root, the other is last.
+        return tuple(
+            (float(self.power[i]), float(self.decay_s[i]), float(self.most[i])) for i in (3, self.tree.n_pose - 1)
+        )
 
     @cached_property
     def up(self) -> np.ndarray | None:

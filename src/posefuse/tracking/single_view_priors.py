@@ -68,6 +68,8 @@ def apply_posture_prior(
         dt_s: Time since the last frame, in seconds.
         settings: Settings of the tracker.
     """
+    if not single_view.any():
+        return
     options = settings.options.single_view
     applies = single_view & (recent.posture_observed_s >= options.min_history_s)
     if not state.turns.shape[1] or dt_s <= 0.0 or not applies.any():
@@ -95,6 +97,8 @@ def apply_height_prior(
         dt_s: Time since the last frame, in seconds.
         settings: Settings of the tracker.
     """
+    if not single_view.any():
+        return
     options = settings.options.single_view
     applies = single_view & (recent.height_observed_s >= options.min_history_s)
     if settings.up is None or dt_s <= 0.0 or not applies.any():

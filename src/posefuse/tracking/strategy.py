@@ -78,8 +78,16 @@ class FrameOutcome:
     supported: np.ndarray
     expected: np.ndarray
 
+    def with_expected(self, expected: np.ndarray) -> "FrameOutcome":
+        """Return the outcome with other views that should show each track, shape (track, view), bool."""
+        return FrameOutcome(
+            self.frame, self.time_s, self.dt_s, self.rows, self.labels, self.used, self.supported, expected
+        )
+
     def select(self, tracks: list[int]) -> "FrameOutcome":
-        """Return the outcome of some tracks, copied."""
+        """Return the outcome of some tracks, in ascending order; arrays are shared if these are all of them."""
+        if len(tracks) == len(self.rows):
+            return self
         return FrameOutcome(
             self.frame, self.time_s, self.dt_s, self.rows[tracks], self.labels[tracks], self.used[tracks],
             self.supported[tracks], self.expected[tracks],

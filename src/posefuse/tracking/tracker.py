@@ -107,7 +107,7 @@ class ArticulatedTracker:
         tree, track, state = self.settings.tree, self.tracks[index], self.state
         n, h = tree.n_pose, tree.n_shape
         block = track.known_shape[1] if track.known_shape else state.covariance[index, n : n + h, n : n + h]
-        return state.shape[index].copy(), np.sqrt(np.diag(block))
+        return state.shape[index].copy(), np.sqrt(block.diagonal())
 
     def _check(self, frame: Frame) -> None:
         views, keypoints = len(self.settings.rig), len(self.settings.skeleton)

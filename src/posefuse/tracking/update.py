@@ -83,8 +83,9 @@ def update(
     events: tuple[Event, ...] = ()
     if s.options.reinitialization.enabled:
         events = _reinitialize_displaced_limbs(tracks, frame, association, uses, setup)
-    recent.updated[:] = uses.of_view.any(axis=1)
-    return Update(use == USED, supported, _innovations(tracks, nis, use), events)
+    n_used = uses.of_view.sum(axis=1)
+    np.greater(n_used, 0, out=recent.updated)
+    return Update(use == USED, supported, _innovations(tracks, nis, n_used), events)
 
 
 def _update_states(
@@ -126,10 +127,10 @@ def _update_by(
     return innovation
 
 
-def _innovations(tracks: TrackSet, nis: np.ndarray, use: np.ndarray) -> dict[int, tuple[float, int]]:
-    dof = 2 * (use == USED).sum(axis=(1, 2))
-    each = zip(tracks.tracks, nis.tolist(), dof.tolist(), strict=True)
-    return {track.number: (total, count) for track, total, count in each if count}
+def _innovations(tracks: TrackSet, nis: np.ndarray, n_used: np.ndarray) -> dict[int, tuple[float, int]]:
+    """Return innovations by track number; ``nis`` and ``n_used``, the number of used keypoints: shape (track,)."""
+    each = zip(tracks.tracks, nis.tolist(), n_used.tolist(), strict=True)
+    return {track.number: (total, 2 * count) for track, total, count in each if count}
 
 
 def _reinitialize_unknown_directions(

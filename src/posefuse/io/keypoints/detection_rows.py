@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from posefuse.errors import FileError
-from posefuse.io.arrow import import_pyarrow
+from posefuse.io.arrow import import_pyarrow, numbers_in
 from posefuse.io.files import reading
 from posefuse.io.parquet_files import check_row_groups
 from posefuse.lazy_array import LazyArray
@@ -161,16 +161,16 @@ def _lengths(file: Path, column: Any) -> tuple[np.ndarray, int]:
     """Return the number of people in each row, and the number of keypoints per person."""
     call_function = import_pyarrow().compute.call_function
     combined = column.combine_chunks()
-    people = call_function("list_value_length", [combined]).fill_null(0).to_numpy(zero_copy_only=False)
+    people = numbers_in(call_function("list_value_length", [combined]), default=0)
     inner = call_function("list_value_length", [combined.flatten()])
-    lengths = np.unique(inner.to_numpy(zero_copy_only=False))
+    lengths = np.unique(numbers_in(inner))
     if len(lengths) > 1 or inner.null_count:
         raise FileError(f"{file}: people have {lengths.tolist()} keypoints. All must have the same skeleton.")
     return people.astype(np.int64), int(lengths[0]) if len(lengths) else 0
 
 
 def _frames(file: Path, column: Any) -> np.ndarray:
-    values = column.to_numpy().astype(np.float64)
+    values = numbers_in(column).astype(np.float64)
     bad = ~(np.abs(values) < 2**40) | (values != np.round(values))
     if bad.any():
         raise FileError(f"{file}: expected an integer for the frame number, got {values[int(np.argmax(bad))]}.")
@@ -183,9 +183,9 @@ def _seconds(table: Any, columns: dict[str, str]) -> np.ndarray:
     column = table[columns["time"]]
     if columns["time"] == "timestamp_ns":
         # Nanoseconds since 1970 exceed the precision of float64, so they are converted as integers.
-        nanoseconds = column.fill_null(0).to_numpy().astype(np.int64)
+        nanoseconds = numbers_in(column, default=0).astype(np.int64)
         return np.where(column.is_valid().to_numpy(), nanoseconds * 1e-9, np.nan)
-    return column.to_numpy().astype(np.float64)
+    return numbers_in(column).astype(np.float64)
 
 
 def _cameras(file: Path, table: Any, name: str, views: list[str], columns: dict[str, str]) -> np.ndarray:
@@ -292,7 +292,7 @@ class NumberRows(_PersonRows):
         people = column.flatten()
         keypoints = people.flatten()
         numbers = keypoints.flatten() if self._channels else keypoints
-        flat = numbers.to_numpy(zero_copy_only=False).astype(np.float64)
+        flat = numbers_in(numbers).astype(np.float64)
         values = flat.reshape(len(people), self._index.n_keypoints, *((-1,) if self._channels else ()))
         if self._channels:
             if values.shape[-1] <= max(self._channels):
@@ -312,4 +312,4 @@ class TrackRows(_PersonRows):
         super().__init__(index, column, (), np.int64)
 
     def _values(self, column: Any) -> np.ndarray:
-        return column.flatten().fill_null(-1).to_numpy(zero_copy_only=False).astype(np.int64)
+        return numbers_in(column.flatten(), default=-1).astype(np.int64)

@@ -1,6 +1,6 @@
 """Packed lower triangles of state covariances, without the rows of the shape where it is fixed."""
 
-from posefuse.kernels.jit import inline, kernel
+from posefuse.kernels.jit import inline, kernel, subroutine
 
 
 @inline
@@ -9,7 +9,7 @@ def _row_index(i, n_pose, n_fixed):
     return i + n_fixed if i >= n_pose else i
 
 
-@kernel
+@subroutine
 def pack_triangle(covariance, n_pose, n_fixed, out):
     """Pack one covariance.
 
@@ -17,7 +17,7 @@ def pack_triangle(covariance, n_pose, n_fixed, out):
         covariance: shape (all, all).
         n_pose: number of rows of the pose.
         n_fixed: number of rows of a fixed shape after them, which are omitted.
-        out: shape (number,), written: row by row.
+        out: shape (number,) or longer, written: row by row.
     """
     position = 0
     for i in range(covariance.shape[0] - n_fixed):

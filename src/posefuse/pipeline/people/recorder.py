@@ -65,9 +65,7 @@ class Recorder:
         by_name = {person.name: person for person in people.people}
         for p, track in enumerate(tracker.tracks):
             self.names.setdefault(track.number, [(0, track.name)])
-            shapes = [tracker.shape_of(p), *(part.shape_of(track.name) for part in tracker.parts)]
-            values, sds = (np.concatenate(each) for each in zip(*shapes, strict=True))
-            self.shapes[track.name] = (values, sds)
+            self.shapes[track.name] = _shape_of(tracker, p)
             person = by_name[track.name]
             self._add_entry(place, track.number, track.state, person.rows)
             if person.nis_dof:
@@ -120,6 +118,17 @@ class Recorder:
         return TrackedPeople(
             tracks, tuple(self.events), self.history, self.parts, naming, nis, nis_dof, shape_m, shape_sd_m
         )  # fmt: skip
+
+
+def _shape_of(tracker: ArticulatedTracker, p: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lengths of a track and of its parts, and their standard deviations, shape (shape,) each."""
+    body = tracker.shape_of(p)
+    if not tracker.parts:
+        return body
+    name = tracker.tracks[p].name
+    shapes = [body, *(part.shape_of(name) for part in tracker.parts)]
+    values, sds = (np.concatenate(each) for each in zip(*shapes, strict=True))
+    return values, sds
 
 
 def _innovations(

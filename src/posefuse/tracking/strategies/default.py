@@ -121,14 +121,18 @@ class LogOddsScore:
         """Add the evidence of views that show a person, and of views that should and do not."""
         o = settings.options
         gain, loss = _view_evidence(settings)
-        missed = loss * (outcome.expected & ~outcome.supported).sum(axis=1)
-        # What occludes a person in one view often does so in others; a coincidence is not occluded.
-        occludable = outcome.supported.any(axis=1) & np.array([track.established for track in tracks])
-        missed = np.where(occludable, np.maximum(missed, -o.lifecycle.max_missing_views * gain), missed)
-        evidence = gain * outcome.supported.sum(axis=1) + missed
-        before = np.array([track.log_odds for track in tracks])
-        after = before + evidence * min(1.0, outcome.dt_s / o.evidence_time_s)
-        return np.minimum(np.maximum(after, -o.max_log_odds), o.max_log_odds)
+        least, weight = -o.lifecycle.max_missing_views * gain, min(1.0, outcome.dt_s / o.evidence_time_s)
+        n_supported = outcome.supported.sum(axis=1).tolist()
+        n_missing = (outcome.expected & ~outcome.supported).sum(axis=1).tolist()
+        scores = np.empty(len(tracks))
+        for p, (track, shown, missing) in enumerate(zip(tracks, n_supported, n_missing, strict=True)):
+            missed = loss * missing
+            # What occludes a person in one view often does so in others; a coincidence is not occluded.
+            if shown and track.established:
+                missed = max(missed, least)
+            score = track.log_odds + (gain * shown + missed) * weight
+            scores[p] = min(max(score, -o.max_log_odds), o.max_log_odds)
+        return scores
 
     def initial_score(self, settings: TrackerSettings) -> float:
         """Return half of the largest log odds."""

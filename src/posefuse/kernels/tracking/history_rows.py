@@ -1,0 +1,145 @@
+"""Rows of a history: the state of one person in one frame, and what the views show of that person."""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from posefuse.kernels.jit import kernel
+from posefuse.kernels.linear_algebra.triangles import pack_triangle
+
+_DROPPED_BITS = 20
+"""Number of the last of the 52 stored binary digits of a covariance that are rounded away."""
+
+_HALF, _KEPT = 1 << (_DROPPED_BITS - 1), -(1 << _DROPPED_BITS)
+
+
+class RowHeads(NamedTuple):
+    """What identifies the rows of some people in one frame.
+
+    Attributes:
+        place: index of the frame in the history.
+        number: shape (person,), int64: numbers of the tracks.
+        fresh: shape (person,), bool: whether the filter was initialized in the frame.
+        life: shape (person,), int8: states of the tracks.
+        missing_s: shape (person,): time since the last support, in seconds.
+    """
+
+    place: int
+    number: Any
+    fresh: Any
+    life: Any
+    missing_s: Any
+
+
+class SeenPeople(NamedTuple):
+    """What the views show of some people in one frame.
+
+    Attributes:
+        rows: shape (person, view), int64: assigned detections, -1 for none.
+        used: shape (person, view, keypoint), bool: keypoints that the update used.
+        track: shape (person,), int64: index of the person in the following arrays, -1 for none.
+        matched: shape (track, view), int64: detections whose keypoints are the person's, -1 for none.
+        labels: shape (track, view, keypoint), int64: which of a detection's keypoints is the body's, -1 for none.
+        keypoints_px: shape (row, keypoint, 2).
+        confidence: shape (row, keypoint).
+        node_keypoints: shape (node keypoint,), int64: keypoints that the body has.
+    """
+
+    rows: Any
+    used: Any
+    track: Any
+    matched: Any
+    labels: Any
+    keypoints_px: Any
+    confidence: Any
+    node_keypoints: Any
+
+
+class HistoryRows(NamedTuple):
+    """Rows of a history; those that are not written yet hold anything.
+
+    Attributes:
+        number: shape (row,), int64: number of the track.
+        places: shape (row,), int64: index of the frame in the history.
+        fresh: shape (row,), bool: whether the filter was initialized in the frame.
+        rows: shape (row, view), int64: assigned detections, -1 for none.
+        used: shape (row, view, keypoint), bool: keypoints that the update used.
+        life: shape (row,), int8: state of the track.
+        missing_s: shape (row,): time since the last support, in seconds.
+        keypoints_px: shape (row, view, node keypoint, 2), float32: assigned keypoints, NaN where there is none.
+        confidence: shape (row, view, node keypoint), float32.
+        root: shape (row, 3); this and the following fields are those of the State.
+        turns: shape (row, segment, 3, 3).
+        bones: shape (row, bone, 3, 3).
+        shape: shape (row, shape).
+        velocity: shape (row, pose).
+        free: shape (row,), int64.
+        triangles: shape (row, number): lower triangle of the covariance, rounded to 33 binary digits: further ones do
+            not compress. Without the rows of a fixed shape, the rest is 0.
+    """
+
+    number: Any
+    places: Any
+    fresh: Any
+    rows: Any
+    used: Any
+    life: Any
+    missing_s: Any
+    keypoints_px: Any
+    confidence: Any
+    root: Any
+    turns: Any
+    bones: Any
+    shape: Any
+    velocity: Any
+    free: Any
+    triangles: Any
+
+
+@kernel
+def write_rows(first, heads, state, seen, out):
+    """Write the rows of some people in one frame.
+
+    Args:
+        first: index of the first row.
+        heads: RowHeads.
+        state: State of these people.
+        seen: SeenPeople.
+        out: HistoryRows, written.
+    """
+    n = state.velocity.shape[1]
+    bits = out.triangles.view(np.int64)
+    for p in range(heads.number.shape[0]):
+        i = first + p
+        out.number[i] = heads.number[p]
+        out.places[i] = heads.place
+        out.fresh[i] = heads.fresh[p]
+        out.life[i] = heads.life[p]
+        out.missing_s[i] = heads.missing_s[p]
+        out.rows[i] = seen.rows[p]
+        out.used[i] = seen.used[p]
+        out.root[i] = state.root[p]
+        out.turns[i] = state.turns[p]
+        out.bones[i] = state.bones[p]
+        out.shape[i] = state.shape[p]
+        out.velocity[i] = state.velocity[p]
+        out.free[i] = state.free[p]
+        n_fixed = 0 if state.free[p] != 0 else state.shape.shape[1]
+        size = state.covariance.shape[1] - n_fixed
+        pack_triangle(state.covariance[p], n, n_fixed, out.triangles[i])
+        for j in range(size * (size + 1) // 2):
+            # Half is rounded away from zero.
+            bits[i, j] = (bits[i, j] + _HALF) & _KEPT
+        for v in range(seen.rows.shape[1]):
+            row = seen.matched[seen.track[p], v] if seen.track[p] >= 0 else -1
+            for j in range(seen.node_keypoints.shape[0]):
+                label = seen.labels[seen.track[p], v, seen.node_keypoints[j]] if row >= 0 else -1
+                if label >= 0:
+                    out.keypoints_px[i, v, j, 0] = seen.keypoints_px[row, label, 0]
+                    out.keypoints_px[i, v, j, 1] = seen.keypoints_px[row, label, 1]
+                    out.confidence[i, v, j] = seen.confidence[row, label]
+                else:
+                    out.keypoints_px[i, v, j, 0] = math.nan
+                    out.keypoints_px[i, v, j, 1] = math.nan
+                    out.confidence[i, v, j] = math.nan
