@@ -70,7 +70,10 @@ print({kernel: number for kernel, number in after.items() if number > 1 or kerne
 """
 
 
-@pytest.mark.parametrize("work", [_RECORDINGS, _AFTER_WARM_UP], ids=["recordings", "after warming up"])
+@pytest.mark.parametrize("work", [
+    pytest.param(_RECORDINGS, id="recordings"),
+    pytest.param(_AFTER_WARM_UP, id="after warming up", marks=pytest.mark.long),
+])  # fmt: skip
 def test_kernels_have_one_signature(work, tmp_path):
     command = [sys.executable, "-W", "ignore", "-c", _SIGNATURES + work, str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, check=True)

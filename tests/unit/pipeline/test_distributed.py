@@ -125,6 +125,7 @@ def test_crowd_of_three_windows_equals_one_run(tmp_path, solve):
     check_same(whole, pieces)
 
 
+@pytest.mark.long
 def test_points_of_one_subject_are_bitwise_equal(tmp_path):
     scene = simulate(SceneOptions(duration_s=40.0, rate_hz=60.0, cameras=3, seed=2))
     options = Options(solve="frame", pairs="labels", postprocess=PostprocessOptions(smooth=("butterworth",)))

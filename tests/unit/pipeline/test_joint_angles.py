@@ -28,7 +28,13 @@ def exact(motion: str, seed: int = 1, skeleton: str = "halpe_26") -> tuple[Recon
     return replace(result, layers={"measured": replace(layer, covariance_m2=covariance)}), dict(data.degrees)
 
 
-@pytest.mark.parametrize(("motion", "cameras", "most_deg"), [("walk", 5, 8.0), ("squat", 2, 15.0)])
+@pytest.mark.parametrize(
+    ("motion", "cameras", "most_deg"),
+    [
+        pytest.param("walk", 5, 8.0, marks=pytest.mark.long),
+        ("squat", 2, 15.0),
+    ],
+)
 def test_replayed_motion_is_within_stated_intervals(motion, cameras, most_deg):
     runs = []
     with warnings.catch_warnings():

@@ -65,6 +65,7 @@ def test_cameras_of_a_crowd_are_matched(crowd):
     np.testing.assert_allclose(matched.offset_s, crowd.offset_s - crowd.offset_s[0], atol=0.05)
 
 
+@pytest.mark.long
 def test_matched_views_do_not_depend_on_the_number_of_processes(crowd):
     alone = match_views(crowd.people)
     with Jobs(2) as jobs:
