@@ -92,7 +92,7 @@ def _all_later(seen_s: list[float], last_s: list[float]) -> bool:
 
 
 def differ_in_time(frame: Frame) -> bool:
-    """Return whether :func:`view_times` of a frame are several."""
+    """Return whether views took a frame at different times, so that :func:`view_times` returns several."""
     known = [now for now in frame.taken_s if not math.isnan(now)]
     return bool(known) and max(known) - min(known) >= _SAME_TIME_S
 
@@ -108,7 +108,7 @@ def view_times(frame: Frame, time_s: float) -> list[tuple[float, np.ndarray]]:
     """
     seen_s = frame.taken_s
     known = [now for now in seen_s if not math.isnan(now)]
-    if not known or max(known) - min(known) < _SAME_TIME_S:
+    if not differ_in_time(frame):
         return [(max(known, default=time_s), np.ones(len(seen_s), dtype=bool))]
     times = np.where(np.isnan(seen_s), min(known), seen_s)
     rounded = np.round(times / _SAME_TIME_S)

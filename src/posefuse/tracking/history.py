@@ -275,10 +275,10 @@ class History:
             return False
         state, last_seen_s = select_states(by_place[min(by_place)].state, [0]), 0.0
         views, keypoints = len(s.rig), len(s.skeleton)
-        nobody = self._unseen(np.full((1, views), -1), np.zeros((1, views, keypoints), dtype=bool))
+        unseen = self._unseen(np.full((1, views), -1), np.zeros((1, views, keypoints), dtype=bool))
         own, labels = np.arange(views)[None], np.tile(np.arange(keypoints), (1, views, 1))
         for place in range(min(by_place), here):
-            each, seen = by_place.get(place), nobody
+            each, seen = by_place.get(place), unseen
             if each is not None:
                 state, last_seen_s = select_states(each.state, [0]), self.time_s[place]
                 used = np.tile(each.rows[:, None] >= 0, (1, keypoints))

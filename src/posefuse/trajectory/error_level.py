@@ -95,9 +95,8 @@ class ErrorLevel:
         whiten_errors(residuals, left, correlations, person_priors.spread**2, squares)
         window = 2 * round(0.5 * _ERROR_LEVEL_S / self.observed.step_s) + 1
         # Each error has two coordinates.
-        sums = (uniform_filter1d(each, window, axis=1, mode="nearest") * window for each in (squares, 2.0 * left))
-        total, count = sums
-        return total, count
+        total = uniform_filter1d(squares, window, axis=1, mode="nearest") * window
+        return total, uniform_filter1d(2.0 * left, window, axis=1, mode="nearest") * window
 
     def _subtract_local_mean(self, residuals: np.ndarray, used: np.ndarray) -> np.ndarray:
         """Return residuals minus their local mean, which is a persistent error and not an innovation."""

@@ -57,26 +57,14 @@ class SeenPeople(NamedTuple):
 
 
 class HistoryRows(NamedTuple):
-    """Rows of a history; those that are not written yet hold anything.
+    """Rows of a history, in any order of tracks; those that are not written yet hold undefined values.
+
+    The other fields are those of :class:`posefuse.tracking.history_entries.Entries`, with one entry per row.
 
     Attributes:
         number: shape (row,), int64: number of the track.
-        places: shape (row,), int64: index of the frame in the history.
-        fresh: shape (row,), bool: whether the filter was initialized in the frame.
-        rows: shape (row, view), int64: assigned detections, -1 for none.
-        used: shape (row, view, keypoint), bool: keypoints that the update used.
-        life: shape (row,), int8: state of the track.
-        missing_s: shape (row,): time since the last support, in seconds.
-        keypoints_px: shape (row, view, node keypoint, 2), float32: assigned keypoints, NaN where there is none.
-        confidence: shape (row, view, node keypoint), float32.
-        root: shape (row, 3); this and the following fields are those of the State.
-        turns: shape (row, segment, 3, 3).
-        bones: shape (row, bone, 3, 3).
-        shape: shape (row, shape).
-        velocity: shape (row, pose).
-        free: shape (row,), int64.
-        triangles: shape (row, number): lower triangle of the covariance, rounded to 33 binary digits: further ones do
-            not compress. Without the rows of a fixed shape, the rest is 0.
+        triangles: shape (row, number): lower triangle of the covariance as in entries; without the rows of a fixed
+            shape, the rest is 0.
     """
 
     number: Any
