@@ -170,7 +170,10 @@ def _lengths(file: Path, column: Any) -> tuple[np.ndarray, int]:
 
 
 def _frames(file: Path, column: Any) -> np.ndarray:
-    values = numbers_in(column).astype(np.float64)
+    values = numbers_in(column)
+    if values.dtype.kind not in "iuf":
+        raise FileError(f"{file}: expected an integer for the frame number, got {column[0].as_py()!r}.")
+    values = values.astype(np.float64)
     bad = ~(np.abs(values) < 2**40) | (values != np.round(values))
     if bad.any():
         raise FileError(f"{file}: expected an integer for the frame number, got {values[int(np.argmax(bad))]}.")

@@ -6,6 +6,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from posefuse import read_detections
+from posefuse.errors import FileError
 from posefuse.io.keypoints import detection_rows
 
 FRAMES, GROUP = 12, 4
@@ -39,3 +40,13 @@ def test_groups_of_all_tables_are_read_once_if_they_fit(tmp_path, monkeypatch, t
     found = [detections.keypoints_px[tables * f : tables * f + tables][:, 3, 0] for f in range(FRAMES)]
     np.testing.assert_array_equal(found, np.arange(FRAMES)[:, None] + 100.0 * np.arange(tables))
     assert len(read) == reads
+
+
+@pytest.mark.parametrize(("numbers", "got"), [(["a"] * FRAMES, "'a'"), ([*range(FRAMES - 1), None], "nan")])
+def test_frame_numbers_that_are_no_integers_are_named(tmp_path, numbers, got):
+    recording(tmp_path, 2)
+    file = tmp_path / "1.parquet"
+    table = pq.read_table(file)
+    pq.write_table(table.set_column(0, "frame", pa.array(numbers)), file)
+    with pytest.raises(FileError, match=rf"1\.parquet: expected an integer for the frame number, got {got}\."):
+        read_detections(tmp_path, "coco_17")
