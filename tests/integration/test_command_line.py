@@ -453,6 +453,16 @@ def test_deep_inspection_of_one_camera_states_that_nothing_was_checked(tmp_path,
         (("plot", "out"), "--output is missing. posefuse plot --help describes it."),
         (("calibrate", "a", "b", "-o", "c.toml"), "Unexpected: 'b'. posefuse calibrate --help"),
         (("inspect", "absent"), "This folder is empty."),
+        (
+            ("inspect", "s3://bucket/take_1"),
+            "error: s3://bucket/take_1 is on an object store, which only posefuse batch",
+        ),
+        (("demo", "--output=gs://bucket/demo"), "error: gs://bucket/demo is on an object store"),
+        (("warm-up", "--jobs", "1.5"), "--jobs must be an integer, got '1.5'."),
+        (("inspect", ".", "--jobs", "many"), "--jobs must be an integer or 'auto', got 'many'."),
+        (("inspect", ".", "--jobs", "0"), '--jobs must be at least 1 or "auto", got 0.'),
+        (("inspect", ".", "--chunk-frames", "99.9"), "--chunk-frames must be an integer of at least"),
+        (("simulate-people", "s", "--people", "two"), "--people must be an integer, got 'two'."),
     ],
 )
 def test_beginners_calls_are_explained(words, message, run, tmp_path, monkeypatch):
@@ -476,7 +486,7 @@ def test_an_interruption_is_stated(command, resumes, run, tmp_path, monkeypatch)
             monkeypatch.setattr(module, "must_exist", interrupt)
     code, _, err = run(command, tmp_path / "absent", *(["-o", tmp_path / "out"] if command == "detect" else []))
     assert code == 130
-    assert "Interrupted; no incomplete files remain." in err
+    assert "Interrupted; no incomplete result remains." in err
     assert ("The same command resumes." in " ".join(err.split())) == resumes
 
 

@@ -29,7 +29,7 @@ from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.findings import Finding
 from posefuse.model.options.options import Options
-from posefuse.parallel import JobCount
+from posefuse.parallel import JobCount, number_of_jobs
 from posefuse.skeleton.subject_words import subject_words
 
 _MOST_CAMERAS = {False: 8, True: 24}
@@ -72,6 +72,7 @@ def inspect(
     With --deep, also check the recording for faults: moved cameras, time offsets, rotated images, and more. The exit
     code is then 3 if a fault is certain that makes results wrong; --accept-findings makes it 0.
     """
+    number_of_jobs(check.jobs, useful=1)
     options = with_sync(options, sync)
     found = find_recording(recording)
     calibrations = found.calibrations if calibration is None else (_given(calibration, calibration=True),)

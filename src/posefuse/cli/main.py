@@ -1,5 +1,6 @@
 """The command ``posefuse``; each command is imported when it is called, so that ``--help`` starts fast."""
 
+import re
 import sys
 import time
 from pathlib import Path
@@ -11,6 +12,7 @@ from rich.text import Text
 
 from posefuse.cli.console import detail, err, print_problem, print_time, print_warnings, say
 from posefuse.cli.help import HelpFormatter
+from posefuse.cli.numbers import refuse_fractions
 from posefuse.errors import OptionsError, PosefuseError
 
 
@@ -22,6 +24,7 @@ def _default_text(value: object) -> str | None:
 
 
 _HELP = HelpFormatter()
+refuse_fractions()
 
 app = App(
     name="posefuse",
@@ -71,6 +74,8 @@ COMMANDS = {
     "methods": "List the triangulation methods.",
     "formats": "List the file formats.",
 }
+_STORE = re.compile(r"(?:^|(?<==))(?:s3a?|gs|gcs|abfss?|az|adl)://?")
+"""Start of the URL of an object store, as an argument or as the value of a flag."""
 _RESUMING = ("run", "detect")
 """Commands that keep what they have finished."""
 
@@ -97,15 +102,27 @@ def launch(
     if help_all:
         tokens = (*tokens, "--help")
     app.config = ()
+    command = next((token for token in tokens if token in COMMANDS), None)
+    if command != "batch":
+        _require_local(tokens)
     if options is not None:
         from posefuse.cli.options_file import command_values
 
-        command = next((token for token in tokens if token in COMMANDS), None)
         # Below the name of the command, because the parser ignores keys that are names of commands, such as people.
         from_videos = command == "run" or (command == "batch" and "--from-videos" in tokens)
         values = {} if command is None else {command: command_values(options, command, from_videos=from_videos)}
         app.config = (DictConfig(values, source=str(options), allow_unknown=True),)
     return app(_joined(tokens), exit_on_error=False, print_error=False, result_action="return_value")
+
+
+def _require_local(tokens: tuple[str, ...]) -> None:
+    """Refuse URLs of object stores, which a path would turn into a local folder named ``s3:``."""
+    for token in tokens:
+        if match := _STORE.search(token):
+            raise OptionsError(
+                f"{token[match.start() :]} is on an object store, which only posefuse batch reads and writes. Specify "
+                "a local path, or use posefuse batch."
+            )
 
 
 def _joined(tokens: tuple[str, ...]) -> tuple[str, ...]:
@@ -150,7 +167,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _fail_interrupted(tokens: list[str]) -> None:
     resumes = any(token in _RESUMING for token in tokens[:1])
-    text = "Interrupted; no incomplete files remain." + (" The same command resumes." if resumes else "")
+    text = "Interrupted; no incomplete result remains." + (" The same command resumes." if resumes else "")
     err.print(Text(text, "red"))
     sys.exit(130)
 

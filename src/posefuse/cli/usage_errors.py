@@ -1,6 +1,8 @@
 """Describe wrong calls of the command line, in the words of the options record."""
 
+import types
 from collections.abc import Iterable
+from typing import Any, Literal, Union, get_args, get_origin
 
 from cyclopts.exceptions import (
     CoercionError,
@@ -27,11 +29,30 @@ def describe(error: CycloptsError) -> str:
         if missing is not None:
             return missing
     if isinstance(error, CoercionError) and error.token is not None and error.token.keyword:
-        option = _option(error.token.keyword)
-        if option is not None:
-            value = error.token.value
-            return f"{error.token.keyword} must be {option.expected}, got {value!r}.{_did_you_mean(value, option)}"
+        return _wrong_value(error, error.token.keyword, error.token.value)
     return str(error).strip()
+
+
+def _wrong_value(error: CoercionError, flag: str, value: str) -> str:
+    """Return what the value of a flag must be: of the option, or of the type that the command declares."""
+    hint = None if error.argument is None else error.argument.hint
+    option = _option(flag)
+    if option is not None and hint in (None, option.hint):
+        return f"{flag} must be {option.expected}, got {value!r}.{_did_you_mean(value, option)}"
+    expected = None if hint is None else _expected(hint)
+    return str(error).strip() if expected is None else f"{flag} must be {expected}, got {value!r}."
+
+
+def _expected(hint: Any) -> str | None:
+    """Return what the values of a type are, or None for a type whose errors the parser describes."""
+    if hint in (int, float):
+        return "an integer" if hint is int else "a number"
+    if get_origin(hint) is Literal:
+        return f"one of {choices(get_args(hint))}" if len(get_args(hint)) > 1 else repr(get_args(hint)[0])
+    if get_origin(hint) in (Union, types.UnionType):
+        inner = [_expected(each) for each in get_args(hint) if each is not type(None)]
+        return None if None in inner else " or ".join(filter(None, inner))
+    return None
 
 
 def _unexpected(tokens: Iterable[str], command: str) -> str:

@@ -5,6 +5,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, say
+from posefuse.errors import choices
 
 
 def warm_up(*, jobs: Annotated[int, Parameter(help="Number of processes.")] = 2) -> None:
@@ -16,4 +17,4 @@ def warm_up(*, jobs: Annotated[int, Parameter(help="Number of processes.")] = 2)
     from posefuse.pipeline.warm_up import warm_up as run
 
     ready = run(jobs, progress=Bars())
-    say(f"Kernels for {' and '.join(ready)} are compiled and stored in {kernel_cache()}")
+    say(f"Kernels for {choices(ready)} are compiled and stored in {kernel_cache()}")

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
 from typing import Any, TypeGuard
 
-from posefuse.errors import FileError, StoreError, choices
+from posefuse.errors import FileError, OptionsError, StoreError, choices
 from posefuse.model.batch import StoredFile
 
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+://")
@@ -31,6 +31,17 @@ _INVALID = ("not valid", "invalid bucket", "invalidbucketname")
 def is_url(place: object) -> TypeGuard[str]:
     """Return whether a place is the URL of a file or folder on an object store, rather than a path."""
     return isinstance(place, str) and _URL.match(place) is not None
+
+
+def require_local(*places: object) -> None:
+    """Refuse URLs, which a path would turn into local folders named ``s3:``.
+
+    Raises:
+        OptionsError: if a place is one.
+    """
+    for place in places:
+        if is_url(place):
+            raise OptionsError(f"{place} is a URL, which only posefuse batch reads and writes. Specify a local path.")
 
 
 def checked_url(text: str) -> str:

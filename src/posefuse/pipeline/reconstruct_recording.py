@@ -13,6 +13,7 @@ from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
 from posefuse.errors import PosefuseWarning, RecordingError, handle_warnings
 from posefuse.io.checkpoints import CheckpointFolder, remove_parts
 from posefuse.io.files import CHECKPOINT_FOLDER, replacing_folder
+from posefuse.io.object_stores import require_local
 from posefuse.io.open_recording import OpenedRecording, RecordingInputs, digest_path, input_digests, open_recording
 from posefuse.io.results import netcdf
 from posefuse.model.findings import Finding
@@ -141,11 +142,12 @@ def reconstruct_recording(
         The files written, the findings of the recording check, and notes.
 
     Raises:
-        OptionsError: if ``jobs`` is less than 1.
+        OptionsError: if ``jobs`` is less than 1, or a folder is a URL.
         OutputExistsError: if the folder contains a result of other inputs, options or versions.
         PosefuseError: if the recording cannot be read, reconstructed or written.
         KeyboardInterrupt: if the run is interrupted before the first chunk is finished.
     """
+    require_local(recording, output)
     request = Request(Path(recording), Path(output), options or Options(), inputs or RecordingInputs(), also, overwrite)
     return carry_out(request, progress or Silent(), Execution(jobs))
 

@@ -12,9 +12,11 @@ from posefuse.arguments import checked
 from posefuse.errors import OptionsError, PosefuseError
 from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native
+from posefuse.model.options.calibration import PeopleOptions
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.options.tracking_stages import SingleViewOptions
+from posefuse.pipeline.calibrate_people import calibrate_by_people
 from posefuse.pipeline.reconstruct_recording import reconstruct_recording
 from posefuse.progress import Progress, Silent
 from posefuse.synthetic.crowd_options import CrowdFaults, CrowdOptions
@@ -47,13 +49,26 @@ def _several_people(folder: Path) -> None:
     reconstruct_recording(folder, folder / "result", Options(people="many", tracker=tracker))
 
 
-TASKS: Mapping[str, Callable[[Path], None]] = {"one subject": _one_subject, "several people": _several_people}
+def _calibration_by_people(folder: Path) -> None:
+    del folder
+    scene = simulate_crowd(CrowdOptions(people=1, cameras=3, duration_s=2 * _DURATION_S))
+    options = PeopleOptions(stature_m=1.8, jobs=1)
+    calibrate_by_people(scene.detections, intrinsics=scene.rig, options=options)
+
+
+TASKS: Mapping[str, Callable[[Path], None]] = {
+    "one subject": _one_subject,
+    "several people": _several_people,
+    "calibration by people": _calibration_by_people,
+}
 """Work that needs most kernels; each is a process of its own, since processes do not share what they compile."""
 
 
 @checked
 def warm_up(jobs: int = 2, *, progress: Progress | None = None) -> Sequence[str]:
-    """Compile and store the kernels for one subject and for several people, by reconstructing short simulated scenes.
+    """Compile and store the kernels for one subject, for several people, and for a calibration by people.
+
+    It reconstructs short simulated scenes, and calibrates the cameras of one.
 
     Args:
         jobs: number of processes.

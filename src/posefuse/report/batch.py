@@ -36,13 +36,15 @@ def batch_csv(outcomes: Sequence[JobResult]) -> str:
 
 
 def names_in_csv(path: Path) -> list[str] | None:
-    """Return the recordings in a table that :func:`batch_csv` made, or None if the file is something else."""
+    """Return the recordings with results in a table that :func:`batch_csv` made, or None if it is something else."""
     try:
         with path.open(encoding="utf-8", newline="") as file:
             rows = list(csv.reader(file))
     except (OSError, ValueError, csv.Error):
         return None
-    return [row[0] for row in rows[1:] if row] if rows and tuple(rows[0]) == _COLUMNS else None
+    if not rows or tuple(rows[0]) != _COLUMNS:
+        return None
+    return [row[0] for row in rows[1:] if row and row[1] not in _NO_RESULT]
 
 
 def batch_page(outcomes: Sequence[JobResult]) -> str:

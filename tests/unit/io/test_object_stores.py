@@ -5,7 +5,8 @@ import sys
 
 import pytest
 
-from posefuse.errors import FileError, StoreError
+import posefuse
+from posefuse.errors import FileError, OptionsError, StoreError
 from posefuse.io import object_stores
 from posefuse.io.object_stores import (
     checked_url,
@@ -34,6 +35,13 @@ def test_urls_are_recognized_and_normalized():
         checked_url("s3://")
     with pytest.raises(FileError, match="is no object store that fsspec knows"):
         checked_url("nothing://bucket/a")
+
+
+def test_a_url_is_no_local_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(OptionsError, match="s3://bucket/out is a URL, which only posefuse batch"):
+        posefuse.reconstruct_recording("recording", "s3://bucket/out")
+    assert not list(tmp_path.iterdir())
 
 
 def test_files_make_a_round_trip(bucket, tmp_path):

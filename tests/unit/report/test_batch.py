@@ -1,7 +1,7 @@
 """Report over a batch."""
 
 from posefuse.model.batch import JobResult, ResultStatistics
-from posefuse.report.batch import batch_csv, batch_page
+from posefuse.report.batch import batch_csv, batch_page, names_in_csv
 
 STATISTICS = ResultStatistics(30, 1.0, 4, 2, 0.98, 12.0, 24.0, None)
 
@@ -20,3 +20,11 @@ def test_names_are_escaped_in_the_page():
 def test_kept_results_are_written_like_new_ones():
     done, before = (JobResult("c", state, "", STATISTICS) for state in ("done", "kept"))
     assert (batch_csv([done]), batch_page([done])) == (batch_csv([before]), batch_page([before]))
+
+
+def test_recordings_that_failed_have_no_result_to_lose(tmp_path):
+    path = tmp_path / "batch.csv"
+    path.write_text(
+        batch_csv([JobResult("good", "kept", "", STATISTICS), JobResult("absent", "failed", "No recording.")])
+    )
+    assert names_in_csv(path) == ["good"]
