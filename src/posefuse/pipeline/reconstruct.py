@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from importlib.metadata import version
 from platform import python_version
 
@@ -55,6 +55,8 @@ from posefuse.preprocess.timeline import align_views
 from posefuse.preprocess.weights import weight_by_sigma
 from posefuse.progress import Progress, Silent
 from posefuse.triangulation.registry import find_method
+
+_version = cache(version)
 
 
 @checked
@@ -190,7 +192,7 @@ def examine(
     if found and samples is not None and noise.layer is not None:
         notes = (*notes, *_shift_notes(rig, noise.layer, samples))
     provenance = Provenance(
-        versions={"posefuse": version("posefuse"), "numpy": np.__version__, "python": python_version()},
+        versions={"posefuse": _version("posefuse"), "numpy": np.__version__, "python": python_version()},
         notes=(*partial_notes, *rig.notes, *detections.notes, *notes, *weight_notes),
     )
     plan = Plan(rig, detections, requested, options, subjects, bodies, noise.noise, provenance, noise.layer)
