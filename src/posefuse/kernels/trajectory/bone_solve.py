@@ -52,6 +52,7 @@ class Vectors(NamedTuple):
         of_band: product of the paths' matrices and the search direction.
         product: product of the whole matrix and the search direction.
         tile: shape (REACH + frame + REACH, 3 * LANES): vector of a tile.
+        recent: shape (4, 6 * LANES): memory for the solution of a tile.
     """
 
     residual: Any
@@ -61,13 +62,14 @@ class Vectors(NamedTuple):
     of_band: Any
     product: Any
     tile: Any
+    recent: Any
 
     @classmethod
     def of(cls, rhs: np.ndarray, frames: int) -> "Vectors":
         """Return the vectors for a right-hand side, which is overwritten; all others are 0."""
         steps, preconditioned, direction, of_band, product = (np.zeros(rhs.shape) for _ in range(5))
         tile = np.zeros((frames + 2 * REACH, 3 * LANES))
-        return cls(rhs, steps, preconditioned, direction, of_band, product, tile)
+        return cls(rhs, steps, preconditioned, direction, of_band, product, tile, np.empty((4, 6 * LANES)))
 
 
 @disjoint
@@ -193,7 +195,7 @@ def _precondition(factor, tiles, vectors):
     frames = tile.shape[0] - 2 * REACH
     for t in range(tiles.shape[0]):
         gather_vector(vectors.residual, tiles[t], frames, tile)
-        solve_tile(factor[t], tile)
+        solve_tile(factor[t], tile, vectors.recent)
         scatter_vector(tile, tiles[t], frames, vectors.preconditioned)
 
 
@@ -217,7 +219,7 @@ def _multiply(bones, terms, tiles, group_bones, direction_weight, vectors, sums)
     follows from the previous one without the matrices. The vectors of all keypoints in a block fit in the cache.
     """
     directions, stiffness, across, information = terms
-    residual, _, preconditioned, direction, of_band, product, _ = vectors
+    residual, _, preconditioned, direction, of_band, product, _, _ = vectors
     for b in range(residual.shape[1]):
         for t in range(tiles.shape[0]):
             for j in range(LANES):
