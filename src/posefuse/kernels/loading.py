@@ -41,6 +41,14 @@ def _no_code() -> bytes:
 class _StoredResults(CompileResultCacheImpl):
     """Conversion between results of compilation and what the cache stores."""
 
+    def reduce(self, cres: Any) -> tuple[Any, ...]:
+        """Return what is stored of a result of compilation, without the environments of functions that read none.
+
+        To load an environment imports the module of its function; Numba's own modules take longer than all kernels.
+        """
+        *others, environments = super().reduce(cres)
+        return *others, tuple(each for each in environments if each.consts)
+
     def rebuild(self, target_context: Any, payload: tuple[Any, ...]) -> Any:
         """Return the result of compilation, whose LLVM code remains unparsed."""
         (name, kind, (machine_code, llvm_code)), function, *others = payload
