@@ -26,7 +26,8 @@ from posefuse.model.options.options import Options
 from posefuse.model.options.postprocess import PostprocessOptions
 from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
 from posefuse.model.tracks import Tracks
-from posefuse.noise.estimate import estimate_noise, fixed_noise
+from posefuse.noise.estimate import estimate_noise
+from posefuse.noise.fixed import fixed_noise
 from posefuse.noise.samples import Samples, sample_spans, take_samples
 from posefuse.noise.scales import assumed_noise
 from posefuse.parallel import ONE_JOB, JobCount, Jobs, number_of_jobs
