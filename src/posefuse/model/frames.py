@@ -57,7 +57,7 @@ class Frame:
         object.__setattr__(self, "confidence", kernel_array(self.confidence))
 
     def __reduce__(self) -> tuple[type["Frame"], tuple[Any, ...]]:
-        """Return what pickle stores: kernels would be compiled again for the writable arrays that it restores itself."""
+        """Return what pickle stores: kernels would be compiled again for the writable arrays that it restores."""
         return Frame, tuple(getattr(self, each.name) for each in fields(self))
 
     @cached_property
