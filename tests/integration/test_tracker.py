@@ -1,6 +1,8 @@
 """Properties of the tracker in any scene: determinism, invariance and frame rates."""
 
 import pickle
+import subprocess
+import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
@@ -354,3 +356,25 @@ def without_view(frame: Frame, view: int) -> Frame:
     recorded, time_s = frame.recorded.copy(), np.array(frame.time_s)
     recorded[view], time_s[view] = False, np.nan
     return replace(dark(frame, view), recorded=recorded, time_s=time_s)
+
+
+_LIVE = """
+import pickle, sys
+import posefuse
+with open(sys.argv[1], "rb") as file:
+    rig, frames = pickle.load(file)
+tracker = posefuse.Tracker(rig, "body_20")
+for frame in frames:
+    people = tracker.update(frame).people
+unwanted = ("h5py", "numba.np.linalg", "pandas", "pyarrow", *(f"scipy.{each}" for each in (
+    "fft", "interpolate", "linalg", "ndimage", "optimize", "signal", "sparse", "spatial", "special", "stats")))
+print(len(people), [name for name in unwanted if name in sys.modules])
+"""
+
+
+def test_live_tracking_loads_neither_scipy_nor_compiler(scene, tracked, tmp_path):
+    """They would take most of the time until the first frame. Numba itself loads the name scipy without its parts."""
+    (tmp_path / "frames").write_bytes(pickle.dumps((scene.rig, frames_of(scene.detections))))
+    command = [sys.executable, "-c", _LIVE, str(tmp_path / "frames")]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout == f"{len(tracked[-1].people)} []\n"

@@ -9,7 +9,6 @@ other are one person, at the mean of their points.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 
 from posefuse.association.groups import FreeDetections, observe_detections
 from posefuse.association.pairwise_baseline import with_covariance
@@ -18,6 +17,7 @@ from posefuse.association.trunk import six, torso
 from posefuse.kernels.association.pair_scores import triangulate_pairs
 from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
+from posefuse.model.graphs import connected_components
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.association import AssociationOptions
 from posefuse.model.options.specification import SpecificationOptions
@@ -211,7 +211,7 @@ def cluster_pairs(pairs: Pairs, skeleton: Skeleton, options: SpecificationOption
     a, b = np.triu_indices(n, 1)
     near = np.eye(n, dtype=bool)
     near[a, b] = proposal_distance(poses.select(a), poses.select(b), options) <= options.cluster_gate
-    labels = connected_components(near, directed=False)[1]
+    labels = connected_components(near)
     clusters = [np.flatnonzero(labels == label) for label in range(int(labels.max()) + 1)]
     return sorted(clusters, key=lambda group: (-len(group), float((pairs.energy[group] / pairs.n_common[group]).min())))
 

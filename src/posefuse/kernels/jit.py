@@ -10,6 +10,7 @@ import numba
 
 from posefuse.kernels.compiled_sources import require_all_sources
 from posefuse.kernels.linking import DisjointSubroutineCompiler, KernelCompiler, SubroutineCompiler
+from posefuse.kernels.loading import store_machine_code
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -26,7 +27,8 @@ _OPTIONS: dict[str, Any] = {
 
 def kernel(function: F) -> F:
     """Compile a kernel: cached on disk, releases the GIL, division by zero gives inf, fused multiply-add allowed."""
-    compiled = numba.njit(**_OPTIONS, cache=True, pipeline_class=KernelCompiler)(function)
+    compiled = numba.njit(**_OPTIONS, pipeline_class=KernelCompiler)(function)
+    store_machine_code(compiled)
     require_all_sources(compiled)
     return cast("F", compiled)
 

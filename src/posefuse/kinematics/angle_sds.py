@@ -9,12 +9,12 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from posefuse.arrays import ranges
 from posefuse.kinematics.joint_angles import axes_at, joint_angles, relative_angles, root_angles
 from posefuse.kinematics.twist import full_rotations
 from posefuse.model.reconstruction import unpack_covariance
+from posefuse.model.rotations import rotations_from_quaternions, rotations_from_vectors
 from posefuse.model.track_events import Poses
 from posefuse.skeleton.trees import Tree
 
@@ -97,7 +97,7 @@ def relative_angle_sds(
         shape (frame, 3), in degrees.
     """
     here = relative_angles(own, turn)
-    steps = Rotation.from_rotvec(_STEP * np.eye(3)).as_matrix()
+    steps = rotations_from_vectors(_STEP * np.eye(3))
     by_own = np.stack([_change(relative_angles(own @ step, turn), here) for step in steps], axis=-1)
     by_turn = np.stack([_change(relative_angles(own, turn @ step), here) for step in steps], axis=-1)
     variance = np.einsum("fai,fij,faj->fa", np.radians(by_own), own_deg2, by_own * np.pi / 180.0)
@@ -119,7 +119,7 @@ def root_angle_sds(
         shape (..., 3), in degrees, at most that of a uniform distribution.
     """
     here = root_angles(turn, up)
-    steps = Rotation.from_rotvec(_STEP * np.eye(3)).as_matrix()
+    steps = rotations_from_vectors(_STEP * np.eye(3))
     slopes = np.stack([_change(root_angles(turn @ step, up), here) for step in steps], axis=-1)
     variance = np.einsum("...ai,...ij,...aj->...a", slopes, turn_covariance, slopes)
     return np.minimum(np.sqrt(np.maximum(variance, 0.0)), _UNKNOWN_DEG)
@@ -207,8 +207,7 @@ def _moved(turns: np.ndarray, bones: np.ndarray, groups: np.ndarray, n_groups: i
 
 def _stepped(frames: np.ndarray, steps: np.ndarray) -> np.ndarray:
     """Turn frames (frame, n, 3, 3) about their own axes by steps (group, n, 3)."""
-    turn = Rotation.from_rotvec(steps.reshape(-1, 3)).as_matrix().reshape(*steps.shape, 3) if steps.size else None
-    return frames[None] @ turn[:, None] if turn is not None else np.tile(frames, (len(steps), 1, 1, 1, 1))
+    return frames[None] @ rotations_from_vectors(steps)[:, None]
 
 
 @lru_cache(maxsize=64)
@@ -239,6 +238,4 @@ def _groups(tree: Tree, at: int | None) -> tuple[np.ndarray, np.ndarray]:
 
 def _some_turns(n: int, rng: np.random.Generator) -> np.ndarray:
     """Return random rotations, shape (probe, n, 3, 3)."""
-    if not n:
-        return np.empty((_PROBES, 0, 3, 3))
-    return Rotation.random(_PROBES * n, rng=rng).as_matrix().reshape(_PROBES, n, 3, 3)
+    return rotations_from_quaternions(rng.normal(size=(_PROBES, n, 4)))

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from posefuse.arrays import frozen
 from posefuse.kernels.tracking.records import State
 from posefuse.model.options.tracker import MotionOptions
-from posefuse.model.rotations import closest_rotation
+from posefuse.model.rotations import closest_rotation, rotations_from_vectors
 from posefuse.skeleton.trees import Tree
 
 _NEIGHBOR_WEIGHT = 0.1
@@ -186,8 +185,8 @@ def turn_bones(frames: np.ndarray, shown: np.ndarray, bones: Iterable[int]) -> N
         across = np.cross(old, new)
         sine = float(np.linalg.norm(across))
         axis = across / sine if sine > 1e-9 else frames[b][:, 0]
-        turn = Rotation.from_rotvec(axis * np.arctan2(sine, float(old @ new)))
-        frames[b] = turn.as_matrix() @ frames[b]
+        turn = rotations_from_vectors(axis * np.arctan2(sine, float(old @ new)))
+        frames[b] = turn @ frames[b]
 
 
 def initial_state(

@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -54,6 +55,10 @@ class Frame:
             raise DetectionsError(f"Frame {self.number} contains an infinite pixel. Use NaN for missing keypoints.")
         object.__setattr__(self, "keypoints_px", kernel_array(self.keypoints_px))
         object.__setattr__(self, "confidence", kernel_array(self.confidence))
+
+    def __reduce__(self) -> tuple[type["Frame"], tuple[Any, ...]]:
+        """Return what pickle stores: kernels would be compiled again for the writable arrays that it restores."""
+        return Frame, tuple(getattr(self, each.name) for each in fields(self))
 
     @cached_property
     def taken_s(self) -> list[float]:

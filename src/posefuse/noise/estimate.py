@@ -1,17 +1,17 @@
 """Estimate the noise of a recording's detections from a sample of triangulated points."""
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from posefuse.errors import DetectionsError, OptionsError, choices
+from posefuse.errors import DetectionsError
 from posefuse.model.cameras import CameraRig
 from posefuse.model.noise import NOT_USED, NoiseModel
 from posefuse.model.options.options import Options
 from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.noise import scales
+from posefuse.noise.fixed import fixed_noise
 from posefuse.noise.leave_one_out import leave_one_out_points
 from posefuse.noise.samples import Sample, Samples
 from posefuse.noise.systematic_errors import (
@@ -66,28 +66,6 @@ def estimate_noise(rig: CameraRig, samples: Samples | None, options: Options, pr
     if noise.origin != "assumed":
         return NoiseEstimate(noise, agreement(samples.small, noise))
     return _search(agreement, samples, noise, progress)
-
-
-def fixed_noise(rig: CameraRig, options: Options) -> NoiseModel | None:
-    """Return the noise that the options fix, or None.
-
-    Raises:
-        OptionsError: if they fix it for other cameras.
-    """
-    exponent, noise = options.triangulation.confidence_exponent, options.noise
-    if options.noise_scale_px is not None:
-        return NoiseModel(np.full(len(rig), options.noise_scale_px), exponent)
-    if not noise.cameras:
-        return None
-    scale_of = dict(zip(noise.cameras, noise.scale_px, strict=True))
-    missing = [name for name in rig.names if name not in scale_of]
-    if missing:
-        raise OptionsError(
-            f"noise.cameras has no scale for {choices(missing)}; it names {choices(noise.cameras)}. Calibrate the "
-            "noise with this rig, or remove the table [noise]."
-        )
-    scale_px = np.array([scale_of[name] for name in rig.names])
-    return NoiseModel(scale_px, exponent, "calibrated", noise.spread, math.nan if noise.nu is None else noise.nu)
 
 
 def calibrate_error_model(rig: CameraRig, samples: Samples, options: Options, progress: Progress) -> NoiseModel:

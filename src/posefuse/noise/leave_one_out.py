@@ -126,5 +126,5 @@ def choose_pairs(redundant: np.ndarray, starts: tuple[int, ...], most: int) -> n
 
 
 def _evenly(begin: int, end: int, most: int) -> np.ndarray:
-    """Return at most ``most`` integers from ``begin`` to ``end - 1``, evenly spread."""
-    return begin + np.unique(np.linspace(0, end - begin - 1, min(most, end - begin)).astype(int))
+    """Return at most ``most`` different integers from ``begin`` to ``end - 1``, evenly spread."""
+    return begin + np.linspace(0, end - begin - 1, min(most, end - begin)).astype(int)

@@ -125,9 +125,7 @@ def _lasting_px2(found: LeaveOneOutPoints, noise: NoiseModel, keypoints: int) ->
     determinant = inverse[..., 0, 0] * inverse[..., 1, 1] - inverse[..., 0, 1] ** 2
     near = fit.used & (squared < _NEAR) & (determinant > _MIN_DETERMINANT)
     error_px = np.where(near[..., None], residual * np.where(near, sigma_px, 0.0)[..., None], np.nan)
-    keypoint, is_first = found.column % keypoints, found.frame < np.median(found.frame)
-    groups = [(error_px[keypoint == each], is_first[keypoint == each]) for each in np.unique(keypoint)]
-    power_px2 = np.array([_common_px2(errors, first) for errors, first in groups])
+    power_px2 = _common_px2(error_px, found.column % keypoints, found.frame < np.median(found.frame))
     known = np.isfinite(power_px2)
     n = known.sum(axis=0)
     mean = np.where(known, power_px2, 0.0).sum(axis=0) / np.maximum(n, 1)
@@ -137,22 +135,27 @@ def _lasting_px2(found: LeaveOneOutPoints, noise: NoiseModel, keypoints: int) ->
     return np.clip(excess, 0.0, np.square(noise.scale_px))
 
 
-def _common_px2(error_px: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """Return what the errors of one keypoint have in common in both halves of a sample, shape (view,), px^2 per axis.
+def _common_px2(error_px: np.ndarray, keypoint: np.ndarray, is_first: np.ndarray) -> np.ndarray:
+    """Return what a keypoint's errors have in common in both halves of a sample, (keypoint, view), px^2 per axis.
 
     The product of the medians of two halves contains no noise that is independent between them.
 
     Args:
         error_px: shape (point, view, 2), NaN where unknown.
-        first: shape (point,), bool: points of the first half.
+        keypoint: shape (point,).
+        is_first: shape (point,), bool: points of the first half.
     """
-    halves = (error_px[first], error_px[~first])
-    counts = [np.isfinite(half[..., 0]).sum(axis=0) for half in halves]
-    enough = np.minimum(*counts) >= _MIN_IN_HALF
-    medians = [np.zeros((error_px.shape[1], 2)) for _ in halves]
-    for median, half in zip(medians, halves, strict=True):
-        median[enough] = column_medians(half[:, enough]) if enough.any() else 0.0
-    return np.where(enough, 0.5 * (medians[0] * medians[1]).sum(axis=-1), np.nan)
+    number = np.unique(keypoint, return_inverse=True)[1]
+    group = 2 * number + ~is_first
+    order, views = np.argsort(group, kind="stable"), error_px.shape[1]
+    sizes = np.bincount(group, minlength=2 * (number.max(initial=-1) + 1))
+    # The points of each keypoint and half in a column of their own, so that one sort finds all medians.
+    place = np.arange(len(order)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+    columns = np.full((sizes.max(initial=1), len(sizes), views, 2), np.nan)
+    columns[place, group[order]] = error_px[order]
+    enough = (np.isfinite(columns[..., 0]).sum(axis=0) >= _MIN_IN_HALF).reshape(-1, 2, views).all(axis=1)
+    medians = column_medians(columns).reshape(-1, 2, views, 2)
+    return np.where(enough, 0.5 * (medians[:, 0] * medians[:, 1]).sum(axis=-1), np.nan)
 
 
 def _log_means(errors_px: np.ndarray) -> np.ndarray:

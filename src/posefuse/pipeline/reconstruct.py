@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from importlib.metadata import version
 from platform import python_version
 
@@ -26,7 +26,8 @@ from posefuse.model.options.options import Options
 from posefuse.model.options.postprocess import PostprocessOptions
 from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
 from posefuse.model.tracks import Tracks
-from posefuse.noise.estimate import estimate_noise, fixed_noise
+from posefuse.noise.estimate import estimate_noise
+from posefuse.noise.fixed import fixed_noise
 from posefuse.noise.samples import Samples, sample_spans, take_samples
 from posefuse.noise.scales import assumed_noise
 from posefuse.parallel import ONE_JOB, JobCount, Jobs, number_of_jobs
@@ -55,6 +56,8 @@ from posefuse.preprocess.timeline import align_views
 from posefuse.preprocess.weights import weight_by_sigma
 from posefuse.progress import Progress, Silent
 from posefuse.triangulation.registry import find_method
+
+_version = cache(version)
 
 
 @checked
@@ -190,7 +193,7 @@ def examine(
     if found and samples is not None and noise.layer is not None:
         notes = (*notes, *_shift_notes(rig, noise.layer, samples))
     provenance = Provenance(
-        versions={"posefuse": version("posefuse"), "numpy": np.__version__, "python": python_version()},
+        versions={"posefuse": _version("posefuse"), "numpy": np.__version__, "python": python_version()},
         notes=(*partial_notes, *rig.notes, *detections.notes, *notes, *weight_notes),
     )
     plan = Plan(rig, detections, requested, options, subjects, bodies, noise.noise, provenance, noise.layer)

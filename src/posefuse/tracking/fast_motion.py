@@ -9,9 +9,9 @@ moved fast.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from posefuse.kernels.tracking.records import State
+from posefuse.model.graphs import best_assignment
 from posefuse.model.proposals import Proposals
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.body_states import select_states, set_state
@@ -131,8 +131,8 @@ def find_fast_motions(
                 distance = float(np.linalg.norm(displacement[common], axis=1).mean())
                 if distance < initiation.gate_m + motion.top_speed_m_s * unseen_s[i]:
                     cost[i, j], shift[i, j] = distance, np.median(displacement[common], axis=0)
-    matches = zip(*linear_sum_assignment(cost), strict=True)
-    return [FastMotion(int(candidates[i]), int(j), shift[i, j]) for i, j in matches if cost[i, j] < _IMPOSSIBLE]
+    matches = best_assignment(cost)
+    return [FastMotion(int(candidates[i]), j, shift[i, j]) for i, j in matches if cost[i, j] < _IMPOSSIBLE]
 
 
 def displaced_state(state: State, motion: FastMotion, dt_s: float, settings: TrackerSettings) -> State:

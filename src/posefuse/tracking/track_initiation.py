@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from posefuse.arrays import kernel_array
 from posefuse.kernels.tracking.predict import predict_people
@@ -13,6 +12,7 @@ from posefuse.kernels.tracking.records import USED, AssignedDetections, State, U
 from posefuse.kernels.tracking.update import update_people
 from posefuse.kinematics.initial_pose import bone_vectors, initial_state, turn_bones
 from posefuse.model.frames import Frame
+from posefuse.model.graphs import best_assignment
 from posefuse.model.proposals import Proposals
 from posefuse.tracking.body_states import ProjectedBodies, select_states
 from posefuse.tracking.frame_clock import TIME_TOLERANCE_S
@@ -69,10 +69,10 @@ def continue_tentative(
         for j, new in enumerate(observations):
             cost[i, j] = min(distance(track, new), _IMPOSSIBLE)
     assigned = set()
-    for i, j in zip(*linear_sum_assignment(cost), strict=True):
+    for i, j in best_assignment(cost):
         if cost[i, j] < _IMPOSSIBLE:
             tracks[i].observations.append(observations[j])
-            assigned.add(int(j))
+            assigned.add(j)
     return [new for j, new in enumerate(observations) if j not in assigned]
 
 

@@ -1,9 +1,9 @@
 """Kinematic tree of bodies without one: bones between keypoints that keep their distance."""
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 
 from posefuse.errors import SkeletonError
+from posefuse.model.graphs import connected_components
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.skeleton.trees import Tree
 from posefuse.skeleton.trees_from_edges import spanning_tree
@@ -41,6 +41,8 @@ def measured_tree(
     Raises:
         SkeletonError: If too few bodies show a distance.
     """
+    from scipy.sparse.csgraph import minimum_spanning_tree  # Live tracking does not need it, nor its 0.2 s to load.
+
     lengths, variation, noise = _distances(points_m, covariance_m2)
     edges = skeleton.edge_indices
     weight = variation + _LENGTH_PENALTY * lengths
@@ -90,7 +92,7 @@ def _distances(points: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, 
 
 def _of_largest_part(joined: np.ndarray) -> np.ndarray:
     """Return the pairs of the largest connected component, shape (bone, 2)."""
-    _, part = connected_components(joined, directed=False)
+    part = connected_components(joined)
     largest = np.bincount(part).argmax()
     pairs = np.argwhere(joined)
     return pairs[part[pairs[:, 0]] == largest]

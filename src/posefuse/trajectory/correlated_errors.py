@@ -41,17 +41,21 @@ class ErrorCorrelation:
         used = observed.agreed & np.isfinite(observed.sigma_px)
         residuals = observed.residuals_px(np.where(np.isfinite(observed.points_m), observed.points_m, 0.0))
         residual = np.where(used[..., None], residuals / observed.sigma_px[..., None], 0.0)
-        size = np.sqrt(np.square(residual).sum(axis=(2, 3)))
+        residual = residual.reshape(*used.shape[:2], -1)
+        size = np.sqrt(np.einsum("kfi,kfi->kf", residual, residual))
         freedom = np.maximum(2 * used.sum(axis=-1) - 3, 0)
+        # NumPy takes long to reduce axes as short as that of the views.
+        views = np.packbits(used, axis=-1)
         for n, lag in enumerate(_LAGS):
             if lag * self._step_s > _MAX_LAG_S or lag >= used.shape[1] // 2:
                 break
-            comparable = (used[:, lag:] == used[:, :-lag]).all(axis=-1) & (freedom[:, lag:] > 0)
+            comparable = (views[:, lag:] == views[:, :-lag]).all(axis=-1) & (freedom[:, lag:] > 0)
             product = size[:, lag:] * size[:, :-lag]
             comparable &= product > 0.0
-            cosine = (residual[:, lag:] * residual[:, :-lag]).sum(axis=(2, 3))[comparable] / product[comparable]
-            self._cosines[n] += np.bincount(freedom[:, lag:][comparable], cosine, self._cosines.shape[1])
-            self._counts[n] += np.bincount(freedom[:, lag:][comparable], minlength=self._counts.shape[1])
+            own = freedom[:, lag:][comparable]
+            cosine = np.einsum("kfi,kfi->kf", residual[:, lag:], residual[:, :-lag])[comparable] / product[comparable]
+            self._cosines[n] += np.bincount(own, cosine, self._cosines.shape[1])
+            self._counts[n] += np.bincount(own, minlength=self._counts.shape[1])
 
     def correlations(self) -> np.ndarray:
         """Return the correlation of errors at each distance, shape (lag,); NaN without data."""

@@ -40,11 +40,12 @@ def interpolate_missing(points_m: np.ndarray, time_s: np.ndarray) -> np.ndarray:
     """
     out = points_m.copy()
     valid = np.asarray(np.isfinite(points_m).all(axis=-1))
-    median = np.median(points_m[valid], axis=0) if valid.any() else np.zeros(3)
-    for k, valid_frames in enumerate(valid):
-        if not valid_frames.any():
-            out[k] = median
-        elif not valid_frames.all():
-            for i in range(3):
-                out[k, :, i] = np.interp(time_s, time_s[valid_frames], points_m[k, valid_frames, i])
+    for k in np.flatnonzero(~valid.all(axis=1)):
+        there, missing = np.flatnonzero(valid[k]), np.flatnonzero(~valid[k])
+        if not len(there):
+            out[k] = np.median(points_m[valid], axis=0) if valid.any() else 0.0
+            continue
+        known_s, known_m, asked_s = time_s[there], points_m[k, there], time_s[missing]
+        for i in range(3):
+            out[k, missing, i] = np.interp(asked_s, known_s, known_m[:, i])
     return out

@@ -1,5 +1,8 @@
 """One frame of a recording."""
 
+import pickle
+from dataclasses import fields
+
 import numpy as np
 import pytest
 
@@ -78,3 +81,12 @@ def test_boxes_contain_the_keypoints_of_each_detection():
     frame = Frame.of_people([keypoints_px], time_s=0.0)
     np.testing.assert_array_equal(frame.boxes_px, [[1.0, 2.0, 5.0, 8.0], [np.nan] * 4])
     assert Frame.of_people([np.empty((0, 3, 2))], time_s=0.0).boxes_px.shape == (0, 4)
+
+
+def test_unpickled_frame_has_the_layout_for_which_kernels_are_compiled():
+    frame = Frame.of_people([np.zeros((1, 3, 2)), np.ones((2, 3, 2))], time_s=0.5, number=7)
+    again = pickle.loads(pickle.dumps(frame))
+    assert not again.keypoints_px.flags.writeable
+    assert not again.confidence.flags.writeable
+    for field in fields(Frame):
+        np.testing.assert_array_equal(getattr(again, field.name), getattr(frame, field.name))

@@ -218,8 +218,9 @@ class _PersonRows(LazyArray):
         """Read the rows from the tables that contain them."""
         index = self._index
         files, places = index.file_of[start:stop], index.place_of[start:stop]
-        out = np.full((stop - start, *self.shape[1:]), -1 if self.dtype.kind == "i" else np.nan, dtype=self.dtype)
+        out = np.empty((stop - start, *self.shape[1:]), dtype=self.dtype)
         if self._column is None:
+            out[:] = -1 if self.dtype.kind == "i" else np.nan
             return out
         for f in np.unique(files):
             in_file = np.flatnonzero(files == f)

@@ -18,12 +18,13 @@ REACH = 3
 
 LANES = 8
 
-# Rows of a factor: the blocks of U that couple a frame with the one before and the second before, 3x3 each, that with
-# the third before, which is symmetric, and the inverse of the block of D, which is too.
-SECOND = 9
-THIRD = 18
-INVERSE = 24
-FACTOR_ROWS = 30
+# Rows of a factor: the 3x3 block of U that couples a frame with the one before, the inverse of the block of D, which is
+# symmetric, and the couplings of the matrix with the second and the third frame before. The other blocks of U follow
+# from these; reading them would take more time than computing them.
+INVERSE = 9
+COUPLING_2 = 15
+COUPLING_3 = 16
+FACTOR_ROWS = 17
 
 _MIN_PIVOT = 1e-13
 
@@ -101,7 +102,7 @@ def _invert(xx, xy, xz, yy, yz, zz, j, out):
 
 
 @disjoint
-def _factor_frame(own, first, second, third, out):
+def _factor_frame(own, first, second, third, across_first, across, out):
     """Factor one frame of a tile.
 
     Args:
@@ -109,6 +110,8 @@ def _factor_frame(own, first, second, third, out):
         first: shape (FACTOR_ROWS * LANES,): factor of the frame before.
         second: of the second frame before.
         third: of the third frame before.
+        across_first: shape (9 * LANES,): block of U that couples the frame before with the second one before it.
+        across: likewise of this frame, written.
         out: written.
     """
     for j in range(LANES):
@@ -119,13 +122,13 @@ def _factor_frame(own, first, second, third, out):
         y20, y21, y22 = _column(-c3, second, 2 * LANES + j)
         y00, y11, y22 = y00 + c2, y11 + c2, y22 + c2
         p0, p1, p2 = times_transposed(y00, y01, y02, first, 0 * LANES + j)
-        q0, q1, q2 = _column(-c3, first, SECOND * LANES + j)
+        q0, q1, q2 = _column(-c3, across_first, 0 * LANES + j)
         x00, x01, x02 = c1 + q0 - p0, q1 - p1, q2 - p2
         p0, p1, p2 = times_transposed(y10, y11, y12, first, 0 * LANES + j)
-        q0, q1, q2 = _column(-c3, first, (SECOND + 1) * LANES + j)
+        q0, q1, q2 = _column(-c3, across_first, 1 * LANES + j)
         x10, x11, x12 = q0 - p0, c1 + q1 - p1, q2 - p2
         p0, p1, p2 = times_transposed(y20, y21, y22, first, 0 * LANES + j)
-        q0, q1, q2 = _column(-c3, first, (SECOND + 2) * LANES + j)
+        q0, q1, q2 = _column(-c3, across_first, 2 * LANES + j)
         x20, x21, x22 = q0 - p0, q1 - p1, c1 + q2 - p2
         a0, a1, a2 = times_symmetric(x00, x01, x02, first, INVERSE * LANES + j)
         xx = own[j] - _dot(x00, x01, x02, a0, a1, a2)
@@ -143,43 +146,50 @@ def _factor_frame(own, first, second, third, out):
         xx -= _dot(y00, y01, y02, a0, a1, a2)
         xy -= _dot(y10, y11, y12, a0, a1, a2)
         xz -= _dot(y20, y21, y22, a0, a1, a2)
-        store(a0, a1, a2, SECOND * LANES + j, out)
+        store(a0, a1, a2, 0 * LANES + j, across)
         a0, a1, a2 = times_symmetric(y10, y11, y12, second, INVERSE * LANES + j)
         yy -= _dot(y10, y11, y12, a0, a1, a2)
         yz -= _dot(y20, y21, y22, a0, a1, a2)
-        store(a0, a1, a2, (SECOND + 3) * LANES + j, out)
+        store(a0, a1, a2, 3 * LANES + j, across)
         a0, a1, a2 = times_symmetric(y20, y21, y22, second, INVERSE * LANES + j)
         zz -= _dot(y20, y21, y22, a0, a1, a2)
-        store(a0, a1, a2, (SECOND + 6) * LANES + j, out)
+        store(a0, a1, a2, 6 * LANES + j, across)
         third_row = INVERSE * LANES + j
         a0, a1, a2 = c3 * third[third_row], c3 * third[third_row + LANES], c3 * third[third_row + 2 * LANES]
-        store(a0, a1, a2, THIRD * LANES + j, out)
         xx, xy, xz = xx - c3 * a0, xy - c3 * a1, xz - c3 * a2
         third_row = (INVERSE + 3) * LANES + j
         a0, a1, a2 = c3 * third[third_row], c3 * third[third_row + LANES], c3 * third[third_row + 2 * LANES]
-        store(a0, a1, a2, (THIRD + 3) * LANES + j, out)
         _invert(xx, xy, xz, yy - c3 * a0, yz - c3 * a1, zz - c3 * a2, j, out)
+        out[COUPLING_2 * LANES + j] = c2
+        out[COUPLING_3 * LANES + j] = c3
 
 
 @disjoint
-def _forward_frame(factor, first, second, third, vector):
-    """Solve with ``U`` for one frame of a tile, given the solutions of the three frames before, shape (3 * LANES,)."""
+def _forward_frame(factor, first, second, third, vector, recent):
+    """Solve with ``U`` for one frame of a tile.
+
+    Args:
+        factor: shape (FACTOR_ROWS * LANES,).
+        first: shape (3 * LANES,): solution of the frame before.
+        second: shape (6 * LANES,): see ``recent``, of the second frame before.
+        third: of the third frame before.
+        vector: shape (3 * LANES,), in and out.
+        recent: shape (6 * LANES,), written: the solution divided by the block of D, and the product of the transposed
+            block of U and that.
+    """
     for j in range(LANES):
-        x = first[j]
-        y = first[LANES + j]
-        z = first[2 * LANES + j]
-        a0, a1, a2 = times_transposed(x, y, z, factor, 0 * LANES + j)
-        x = second[j]
-        y = second[LANES + j]
-        z = second[2 * LANES + j]
-        b0, b1, b2 = times_transposed(x, y, z, factor, SECOND * LANES + j)
-        x = third[j]
-        y = third[LANES + j]
-        z = third[2 * LANES + j]
-        c0, c1, c2 = times_symmetric(x, y, z, factor, THIRD * LANES + j)
-        vector[j] -= a0 + b0 + c0
-        vector[LANES + j] -= a1 + b1 + c1
-        vector[2 * LANES + j] -= a2 + b2 + c2
+        c2 = factor[COUPLING_2 * LANES + j]
+        c3 = factor[COUPLING_3 * LANES + j]
+        a0, a1, a2 = times_transposed(first[j], first[LANES + j], first[2 * LANES + j], factor, 0 * LANES + j)
+        x = vector[j] - a0 - (c2 * second[j] - c3 * second[3 * LANES + j]) - c3 * third[j]
+        y = vector[LANES + j] - a1 - (c2 * second[LANES + j] - c3 * second[4 * LANES + j]) - c3 * third[LANES + j]
+        z = vector[2 * LANES + j] - a2
+        z = z - (c2 * second[2 * LANES + j] - c3 * second[5 * LANES + j]) - c3 * third[2 * LANES + j]
+        store(x, y, z, j, vector)
+        a0, a1, a2 = times_symmetric(x, y, z, factor, INVERSE * LANES + j)
+        store(a0, a1, a2, j, recent)
+        x, y, z = times_matrix(a0, a1, a2, factor, 0 * LANES + j)
+        store(x, y, z, 3 * LANES + j, recent)
 
 
 @disjoint
@@ -198,21 +208,37 @@ def _backward_frame(factors, first, second, third, vector):
     factor_2 = factors[2]
     factor_3 = factors[3]
     for j in range(LANES):
-        d0, d1, d2 = times_symmetric(vector[j], vector[LANES + j], vector[2 * LANES + j], own, INVERSE * LANES + j)
+        x = second[j]
+        y = second[LANES + j]
+        z = second[2 * LANES + j]
+        c2 = factor_2[COUPLING_2 * LANES + j]
+        c3 = factor_2[COUPLING_3 * LANES + j]
+        a0, a1, a2 = times_transposed(x, y, z, own, 0 * LANES + j)
+        c = factor_3[COUPLING_3 * LANES + j]
+        x = vector[j] - (c2 * x - c3 * a0) - c * third[j]
+        y = vector[LANES + j] - (c2 * y - c3 * a1) - c * third[LANES + j]
+        z = vector[2 * LANES + j] - (c2 * z - c3 * a2) - c * third[2 * LANES + j]
+        d0, d1, d2 = times_symmetric(x, y, z, own, INVERSE * LANES + j)
         a0, a1, a2 = times_matrix(first[j], first[LANES + j], first[2 * LANES + j], factor_1, 0 * LANES + j)
-        b0, b1, b2 = times_matrix(second[j], second[LANES + j], second[2 * LANES + j], factor_2, SECOND * LANES + j)
-        c0, c1, c2 = times_symmetric(third[j], third[LANES + j], third[2 * LANES + j], factor_3, THIRD * LANES + j)
-        vector[j] = d0 - a0 - b0 - c0
-        vector[LANES + j] = d1 - a1 - b1 - c1
-        vector[2 * LANES + j] = d2 - a2 - b2 - c2
+        store(d0 - a0, d1 - a1, d2 - a2, j, vector)
 
 
 @subroutine
-def solve_tile(factor, vector):
-    """Solve ``U D U^T x = vector`` of one tile in place, shape (REACH + frame + REACH, 3 * LANES)."""
+def solve_tile(factor, vector, recent):
+    """Solve ``U D U^T x = vector`` of one tile in place.
+
+    Args:
+        factor: shape (REACH + frame + REACH, FACTOR_ROWS * LANES).
+        vector: shape (REACH + frame + REACH, 3 * LANES), in and out.
+        recent: shape (4, 6 * LANES), overwritten.
+    """
     end = vector.shape[0] - REACH
+    for n in range(recent.shape[0]):
+        for i in range(6 * LANES):
+            recent[n, i] = 0.0
     for f in range(REACH, end):
-        _forward_frame(factor[f], vector[f - 1], vector[f - 2], vector[f - 3], vector[f])
+        second = recent[(f - 2) % 4]
+        _forward_frame(factor[f], vector[f - 1], second, recent[(f - 3) % 4], vector[f], recent[f % 4])
     for f in range(end - 1, REACH - 1, -1):
         _backward_frame(factor[f : f + REACH + 1], vector[f + 1], vector[f + 2], vector[f + 3], vector[f])
 
@@ -270,15 +296,18 @@ def factor_paths(diagonal, coupling, tiles, factor):
         factor: shape (tile, REACH + frame + REACH, FACTOR_ROWS * LANES), written.
     """
     own = np.empty(9 * LANES)
+    across = np.empty((2, 9 * LANES))
     end = factor.shape[1] - REACH
     for t in range(tiles.shape[0]):
         for j in range(LANES):
             for i in range(9):
                 own[i * LANES + j] = 1.0 if i == 0 or i == 3 or i == 5 else 0.0
+                across[(REACH - 1) % 2, i * LANES + j] = 0.0
         for f in range(REACH):
             for i in range(FACTOR_ROWS * LANES):
                 factor[t, f, i] = 0.0
                 factor[t, end + f, i] = 0.0
         for f in range(REACH, end):
             _gather_matrix(diagonal, coupling, tiles[t], f - REACH, own)
-            _factor_frame(own, factor[t, f - 1], factor[t, f - 2], factor[t, f - 3], factor[t, f])
+            first, second, third = factor[t, f - 1], factor[t, f - 2], factor[t, f - 3]
+            _factor_frame(own, first, second, third, across[(f - 1) % 2], across[f % 2], factor[t, f])

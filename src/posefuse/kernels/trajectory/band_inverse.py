@@ -8,11 +8,11 @@ import numpy as np
 
 from posefuse.kernels.jit import disjoint, inline, kernel
 from posefuse.kernels.trajectory.band import (
+    COUPLING_2,
+    COUPLING_3,
     INVERSE,
     LANES,
     REACH,
-    SECOND,
-    THIRD,
     store,
     times_matrix,
     times_symmetric,
@@ -22,84 +22,110 @@ from posefuse.kernels.trajectory.band import (
 # others couple the second of these frames with the first, and the third with the first and the second.
 _STATE_ROWS = 54
 
+# Rows of the blocks of U that couple a frame with the second one after, 3x3, and with the third one, symmetric.
+_THIRD = 9
+_FAR_ROWS = 15
+
 # Rows of a frame: its own block, and the traces of the blocks that couple it with itself and the next three frames.
 _TRACES = 6
 _OUT_ROWS = 10
 
 
 @inline
-def _coupled_row(state, a, b, c, b_step, c_step, factors, j):
+def _coupled_row(state, a, b, c, b_step, c_step, near, far, j):
     """Return a row of a block that couples a later frame with the current one, up to the sign.
 
     It is the product of the factors and of three rows or columns of the later blocks, given by the place of their first
     number and the distance of the next ones.
     """
-    u1 = factors[1]
-    u2 = factors[2]
-    u3 = factors[3]
-    a0, a1, a2 = times_matrix(state[a], state[a + LANES], state[a + 2 * LANES], u1, 0 * LANES + j)
-    b0, b1, b2 = times_matrix(state[b], state[b + b_step], state[b + 2 * b_step], u2, SECOND * LANES + j)
-    c0, c1, c2 = times_symmetric(state[c], state[c + c_step], state[c + 2 * c_step], u3, THIRD * LANES + j)
+    a0, a1, a2 = times_matrix(state[a], state[a + LANES], state[a + 2 * LANES], near, 0 * LANES + j)
+    b0, b1, b2 = times_matrix(state[b], state[b + b_step], state[b + 2 * b_step], far, 0 * LANES + j)
+    c0, c1, c2 = times_symmetric(state[c], state[c + c_step], state[c + 2 * c_step], far, _THIRD * LANES + j)
     return a0 + b0 + c0, a1 + b1 + c1, a2 + b2 + c2
 
 
 @disjoint
-def _invert_frame(factors, state, out):
+def _couple_far_frames(own, second, third, far):
+    """Compute the blocks of U that couple a frame with the second and the third one after.
+
+    Args:
+        own: shape (FACTOR_ROWS * LANES,): factor of the frame.
+        second: of the second frame after.
+        third: of the third frame after.
+        far: shape (_FAR_ROWS * LANES,), written.
+    """
+    for j in range(LANES):
+        c2 = second[COUPLING_2 * LANES + j]
+        c3 = second[COUPLING_3 * LANES + j]
+        for i in range(3):
+            x = -c3 * own[i * LANES + j]
+            y = -c3 * own[(3 + i) * LANES + j]
+            z = -c3 * own[(6 + i) * LANES + j]
+            x = x + c2 if i == 0 else x
+            y = y + c2 if i == 1 else y
+            z = z + c2 if i == 2 else z
+            a0, a1, a2 = times_symmetric(x, y, z, own, INVERSE * LANES + j)
+            store(a0, a1, a2, 3 * i * LANES + j, far)
+        c3 = third[COUPLING_3 * LANES + j]
+        for i in range(6):
+            far[(_THIRD + i) * LANES + j] = c3 * own[(INVERSE + i) * LANES + j]
+
+
+@disjoint
+def _invert_frame(own, near, far, state, out):
     """Compute the blocks of the inverse of one frame of a tile.
 
     Args:
-        factors: shape (REACH + 1, FACTOR_ROWS * LANES): of the frame and of the three after.
+        own: shape (FACTOR_ROWS * LANES,): factor of the frame.
+        near: of the frame after.
+        far: shape (_FAR_ROWS * LANES,): blocks of U that couple the frame with the second and the third one after.
         state: shape (_STATE_ROWS * LANES,), in and out: blocks of the inverse of the three later frames.
         out: shape (_OUT_ROWS * LANES,), written.
     """
-    d = factors[0]
-    u1 = factors[1]
-    u2 = factors[2]
-    u3 = factors[3]
     for j in range(LANES):
         # Blocks x, y, z of the inverse couple the next three frames with this one, up to the sign.
         x00, x01, x02 = _coupled_row(
-            state, 0 * LANES + j, 27 * LANES + j, 36 * LANES + j, 3 * LANES, 3 * LANES, factors, j
+            state, 0 * LANES + j, 27 * LANES + j, 36 * LANES + j, 3 * LANES, 3 * LANES, near, far, j
         )
         x10, x11, x12 = _coupled_row(
-            state, 3 * LANES + j, 28 * LANES + j, 37 * LANES + j, 3 * LANES, 3 * LANES, factors, j
+            state, 3 * LANES + j, 28 * LANES + j, 37 * LANES + j, 3 * LANES, 3 * LANES, near, far, j
         )
         x20, x21, x22 = _coupled_row(
-            state, 6 * LANES + j, 29 * LANES + j, 38 * LANES + j, 3 * LANES, 3 * LANES, factors, j
+            state, 6 * LANES + j, 29 * LANES + j, 38 * LANES + j, 3 * LANES, 3 * LANES, near, far, j
         )
         y00, y01, y02 = _coupled_row(
-            state, 27 * LANES + j, 9 * LANES + j, 45 * LANES + j, 1 * LANES, 3 * LANES, factors, j
+            state, 27 * LANES + j, 9 * LANES + j, 45 * LANES + j, 1 * LANES, 3 * LANES, near, far, j
         )
         y10, y11, y12 = _coupled_row(
-            state, 30 * LANES + j, 12 * LANES + j, 46 * LANES + j, 1 * LANES, 3 * LANES, factors, j
+            state, 30 * LANES + j, 12 * LANES + j, 46 * LANES + j, 1 * LANES, 3 * LANES, near, far, j
         )
         y20, y21, y22 = _coupled_row(
-            state, 33 * LANES + j, 15 * LANES + j, 47 * LANES + j, 1 * LANES, 3 * LANES, factors, j
+            state, 33 * LANES + j, 15 * LANES + j, 47 * LANES + j, 1 * LANES, 3 * LANES, near, far, j
         )
         z00, z01, z02 = _coupled_row(
-            state, 36 * LANES + j, 45 * LANES + j, 18 * LANES + j, 1 * LANES, 1 * LANES, factors, j
+            state, 36 * LANES + j, 45 * LANES + j, 18 * LANES + j, 1 * LANES, 1 * LANES, near, far, j
         )
         z10, z11, z12 = _coupled_row(
-            state, 39 * LANES + j, 48 * LANES + j, 21 * LANES + j, 1 * LANES, 1 * LANES, factors, j
+            state, 39 * LANES + j, 48 * LANES + j, 21 * LANES + j, 1 * LANES, 1 * LANES, near, far, j
         )
         z20, z21, z22 = _coupled_row(
-            state, 42 * LANES + j, 51 * LANES + j, 24 * LANES + j, 1 * LANES, 1 * LANES, factors, j
+            state, 42 * LANES + j, 51 * LANES + j, 24 * LANES + j, 1 * LANES, 1 * LANES, near, far, j
         )
-        a0, a1, a2 = times_matrix(x00, x10, x20, u1, 0 * LANES + j)
-        b0, b1, b2 = times_matrix(y00, y10, y20, u2, SECOND * LANES + j)
-        c0, c1, c2 = times_symmetric(z00, z10, z20, u3, THIRD * LANES + j)
-        xx = d[INVERSE * LANES + j] + (a0 + b0 + c0)
-        xy = d[(INVERSE + 1) * LANES + j] + (a1 + b1 + c1)
-        xz = d[(INVERSE + 2) * LANES + j] + (a2 + b2 + c2)
-        _, a1, a2 = times_matrix(x01, x11, x21, u1, 0 * LANES + j)
-        _, b1, b2 = times_matrix(y01, y11, y21, u2, SECOND * LANES + j)
-        _, c1, c2 = times_symmetric(z01, z11, z21, u3, THIRD * LANES + j)
-        yy = d[(INVERSE + 3) * LANES + j] + (a1 + b1 + c1)
-        yz = d[(INVERSE + 4) * LANES + j] + (a2 + b2 + c2)
-        _, _, a2 = times_matrix(x02, x12, x22, u1, 0 * LANES + j)
-        _, _, b2 = times_matrix(y02, y12, y22, u2, SECOND * LANES + j)
-        _, _, c2 = times_symmetric(z02, z12, z22, u3, THIRD * LANES + j)
-        zz = d[(INVERSE + 5) * LANES + j] + (a2 + b2 + c2)
+        a0, a1, a2 = times_matrix(x00, x10, x20, near, 0 * LANES + j)
+        b0, b1, b2 = times_matrix(y00, y10, y20, far, 0 * LANES + j)
+        c0, c1, c2 = times_symmetric(z00, z10, z20, far, _THIRD * LANES + j)
+        xx = own[INVERSE * LANES + j] + (a0 + b0 + c0)
+        xy = own[(INVERSE + 1) * LANES + j] + (a1 + b1 + c1)
+        xz = own[(INVERSE + 2) * LANES + j] + (a2 + b2 + c2)
+        _, a1, a2 = times_matrix(x01, x11, x21, near, 0 * LANES + j)
+        _, b1, b2 = times_matrix(y01, y11, y21, far, 0 * LANES + j)
+        _, c1, c2 = times_symmetric(z01, z11, z21, far, _THIRD * LANES + j)
+        yy = own[(INVERSE + 3) * LANES + j] + (a1 + b1 + c1)
+        yz = own[(INVERSE + 4) * LANES + j] + (a2 + b2 + c2)
+        _, _, a2 = times_matrix(x02, x12, x22, near, 0 * LANES + j)
+        _, _, b2 = times_matrix(y02, y12, y22, far, 0 * LANES + j)
+        _, _, c2 = times_symmetric(z02, z12, z22, far, _THIRD * LANES + j)
+        zz = own[(INVERSE + 5) * LANES + j] + (a2 + b2 + c2)
         # The second frame becomes the third, the first the second, and this one the first.
         for i in range(9):
             state[(18 + i) * LANES + j] = state[(9 + i) * LANES + j]
@@ -133,11 +159,14 @@ def invert_paths(factor, tiles, covariance, traces):
     """
     state = np.empty(_STATE_ROWS * LANES)
     out = np.empty(_OUT_ROWS * LANES)
+    far = np.empty(_FAR_ROWS * LANES)
     for t in range(tiles.shape[0]):
         for i in range(_STATE_ROWS * LANES):
             state[i] = 0.0
         for f in range(covariance.shape[1] - 1, -1, -1):
-            _invert_frame(factor[t, REACH + f : 2 * REACH + f + 1], state, out)
+            own = factor[t, REACH + f]
+            _couple_far_frames(own, factor[t, REACH + f + 2], factor[t, REACH + f + 3], far)
+            _invert_frame(own, factor[t, REACH + f + 1], far, state, out)
             for j in range(LANES):
                 k = tiles[t, j]
                 if k >= 0:

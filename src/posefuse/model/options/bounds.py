@@ -148,11 +148,13 @@ def check_fields(record: Any, path: str) -> None:
     Raises:
         OptionsError: if a value is invalid. The message names every invalid field, its range and its valid choices.
     """
-    hints = field_hints(type(record))
+    hints, valid = field_hints(type(record)), _valid_defaults(type(record))
     prefix = f"{path}." if path else ""
     problems = []
     for field in dataclasses.fields(record):
         value = getattr(record, field.name)
+        if value is valid.get(field.name, dataclasses.MISSING):
+            continue
         try:
             checked = _checked(value, hints[field.name], bounds_of(field))
         except ValueError as error:
@@ -162,6 +164,20 @@ def check_fields(record: Any, path: str) -> None:
             object.__setattr__(record, field.name, checked)
     if problems:
         raise OptionsError(" ".join(problems))
+
+
+@cache
+def _valid_defaults(record: type) -> Mapping[str, Any]:
+    """Return the defaults of a record that its check leaves as they are, by field name.
+
+    Most options of most records are these very objects, and records are copied often.
+    """
+    hints = field_hints(record)
+    return {
+        field.name: field.default
+        for field in dataclasses.fields(record)
+        if field.default is not dataclasses.MISSING and _is_valid(field.default, hints[field.name], bounds_of(field))
+    }
 
 
 def check_no_repetition(values: tuple[str, ...], name: str) -> None:
@@ -225,6 +241,7 @@ def valid_choices(hint: Any, bounds: Bounds) -> tuple[str, ...]:
     return tuple(value for part in get_args(hint) for value in valid_choices(part, bounds))
 
 
+@cache
 def without_none(hint: Any) -> Any:
     """Return a type without its ``| None``."""
     if get_origin(hint) in (Union, UnionType):
@@ -247,6 +264,14 @@ def _checked(value: Any, hint: Any, bounds: Bounds) -> Any:
         hint_text += _magnitude_text(value) + _unit_text(value, bounds)
         raise ValueError(f"{expected_text(inner, bounds)}, got {value!r}.{hint_text}")
     return checked
+
+
+def _is_valid(value: Any, hint: Any, bounds: Bounds) -> bool:
+    """Return whether a value is valid and in its field's type."""
+    try:
+        return _checked(value, hint, bounds) is value
+    except ValueError:
+        return False
 
 
 def _checked_tuple(value: Any, hint: Any, bounds: Bounds) -> tuple[Any, ...]:

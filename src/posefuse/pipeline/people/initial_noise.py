@@ -14,7 +14,7 @@ from posefuse.model.noise import NoiseModel
 from posefuse.model.options.association import AssociationOptions
 from posefuse.model.options.options import Options
 from posefuse.model.proposals import Proposals
-from posefuse.noise.estimate import fixed_noise
+from posefuse.noise.fixed import fixed_noise
 from posefuse.skeleton.skeletons import Skeleton
 
 _PX_AT_1000 = 4.5

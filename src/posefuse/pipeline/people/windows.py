@@ -20,7 +20,7 @@ from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Layer
 from posefuse.model.track_events import Event, Poses
 from posefuse.model.tracks import Tracks
-from posefuse.noise.estimate import fixed_noise
+from posefuse.noise.fixed import fixed_noise
 from posefuse.pipeline.people.initial_noise import initial_noise, sample_frames
 from posefuse.pipeline.people.track_recording import track_people
 from posefuse.pipeline.people.trackers import with_tree

@@ -7,10 +7,10 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 
 from posefuse.association.proposal_distance import CorePoses, core_poses, proposal_distance
 from posefuse.kernels.tracking.records import State
+from posefuse.model.graphs import connected_components
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.body_states import ProjectedBodies
 from posefuse.tracking.records import Observation, TentativeTrack, Track
@@ -29,7 +29,7 @@ class PelvisDistance:
             return observations
         poses = _poses(observations, settings)
         near = proposal_distance(poses.select(np.s_[:, None]), poses.select(None), o) <= o.cluster_gate
-        labels = connected_components(near, directed=False)[1]
+        labels = connected_components(near)
         return [
             _centroid([observations[i] for i in np.flatnonzero(labels == n)]) for n in dict.fromkeys(labels.tolist())
         ]

@@ -4,7 +4,6 @@ Source: the specification of the articulated tracker, see docs/methods/specifica
 """
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from posefuse.kernels.tracking.pose_fit import fit_pose
 from posefuse.kernels.tracking.records import Pose, State
@@ -95,6 +94,8 @@ def fit_shape(observations: list[Observation], settings: TrackerSettings) -> tup
         observations: Buffer of a tentative track.
         settings: Settings of the tracker.
     """
+    from scipy.optimize import least_squares  # Takes 0.2 s to load, and only one strategy needs it.
+
     tree, options = settings.tree, settings.options
     limbs = core_limbs(settings.skeleton, tree)
     medians, variance = measured_limbs(observations, limbs)

@@ -6,9 +6,9 @@ of the root's segment, with the segment's angular velocity.
 """
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from posefuse.kernels.tracking.records import State
+from posefuse.model.rotations import rotations_from_vectors
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.track_set import advance_state
 
@@ -73,11 +73,11 @@ def _advance_body(state: State, p: int, decay: np.ndarray, reach: np.ndarray, tw
         transition[np.ix_(columns, columns)] = block
     else:
         state.root[p] += change[:3]
-    turns = Rotation.from_rotvec(change[3 : 3 + 3 * segments].reshape(-1, 3)).as_matrix()
+    turns = rotations_from_vectors(change[3 : 3 + 3 * segments].reshape(-1, 3))
     state.turns[p] = state.turns[p] @ turns
     bends = np.zeros((state.bones.shape[1], 3))
     bends[:, :2] = change[3 + 3 * segments :].reshape(-1, 2)
-    state.bones[p] = state.bones[p] @ Rotation.from_rotvec(bends).as_matrix()
+    state.bones[p] = state.bones[p] @ rotations_from_vectors(bends)
     return transition
 
 
@@ -97,7 +97,7 @@ def advance_root(
         angular velocity by the same before, shape (12, 12), with turns as increments in the segment's axes.
     """
     own, angle = turn.T @ velocity[:3], reach[3] * velocity[3:]
-    rotation, spread = Rotation.from_rotvec(angle).as_matrix(), left_jacobian(angle)
+    rotation, spread = rotations_from_vectors(angle), left_jacobian(angle)
     path, turned = reach[0] * spread @ own, rotation @ own
     right = left_jacobian(-angle)
     bent = np.empty((3, 3))
