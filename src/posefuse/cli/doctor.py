@@ -85,9 +85,11 @@ def _print(found: "Installation") -> None:
     memory = "" if found.memory_gb is None else f", {found.memory_gb:.0f} GB of memory"
     gpu = "NVIDIA GPU for detectors" if found.gpu else "no NVIDIA GPU (only detectors use one)"
     labeled("machine", f"{count(found.cores, 'core')}{memory}, {gpu}")
-    labeled("kernels", f"{found.cache_mb:.0f} MB compiled in {found.cache}")
+    labeled("kernels", f"{found.cache_mb:.0f} MB compiled in {found.cache}" if found.cache else "not stored")
     if not found.is_cache_writable:
-        warn(f"{found.cache} is not writable, so every process compiles again. Set NUMBA_CACHE_DIR to a folder.")
+        others = "other kernels" if found.cache else "kernels"
+        where = f"{found.cache} is read-only" if found.cache else "No folder for kernels is writable"
+        warn(f"{where}, so every process compiles {others} again. Set NUMBA_CACHE_DIR to a writable folder.")
     labeled("extras", ", ".join(extra.name for extra in found.extras if not extra.missing) or "none")
     for extra in found.extras:
         if extra.missing:

@@ -5,6 +5,7 @@ import os
 import platform
 import re
 import shutil
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,7 +61,7 @@ class Installation:
         cores: number of logical cores that this process may use.
         memory_gb: memory of the machine, or None where the system does not state it.
         gpu: name of the program that shows an NVIDIA GPU, or empty. posefuse needs none; detectors use one.
-        cache: folder of the compiled kernels.
+        cache: folder of the compiled kernels; empty where they cannot be stored.
         cache_mb: size of the compiled kernels; 0 before the first run.
         is_cache_writable: whether kernels can be stored there. Otherwise each process compiles them again.
         extras: optional packages.
@@ -83,26 +84,32 @@ def examine_installation() -> Installation:
     """Return what is installed, without loading any of it."""
     versions = {"posefuse": importlib.metadata.version("posefuse"), "python": platform.python_version()}
     versions |= {name: importlib.metadata.version(name) for name in _CORE}
-    cache = kernel_cache()
-    kernels = [path for pattern in ("*.nbc", "*.nbi") for path in cache.rglob(pattern)]
+    cache, is_writable = kernel_cache()
+    kernels = [path for pattern in ("*.nbc", "*.nbi") for path in (cache.rglob(pattern) if cache else ())]
     return Installation(
         versions,
         f"{platform.platform()}, {platform.machine()}",
         logical_cores(),
         _memory_gb(),
         "nvidia-smi" if shutil.which("nvidia-smi") else "",
-        str(cache),
+        str(cache or ""),
         sum(path.stat().st_size for path in kernels) / 1e6,
-        os.access(cache, os.W_OK),
+        is_writable,
         _extras(),
         tuple(_detector_states()),
     )
 
 
-def kernel_cache() -> Path:
-    """Return the folder of compiled kernels: ``NUMBA_CACHE_DIR``, or beside the code."""
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    return Path(chosen) if chosen else Path(__file__).parents[1]
+def kernel_cache() -> tuple[Path | None, bool]:
+    """Return the folder of compiled kernels, None where they cannot be stored, and whether it can be written to."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the answer says the same
+        try:
+            from posefuse.kernels.diagnostics.epipolar import sampson
+            from posefuse.kernels.stores import store_of
+        except (ImportError, OSError):  # a broken compiler, which the caller examines
+            return None, False
+        return store_of(sampson)
 
 
 def _memory_gb() -> float | None:

@@ -13,11 +13,21 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.runtime.nrt import rtsys
 
+from posefuse.kernels.stores import LOCATORS, is_read_only, warn_of_no_store
+
 
 def store_machine_code(dispatcher: Any) -> None:
-    """Store the machine code of a kernel on disk; if the compiler is switched off, do nothing."""
-    if hasattr(dispatcher, "_cache"):
+    """Store the machine code of a kernel on disk; if the compiler is switched off, do nothing.
+
+    Where nothing can be stored, every process compiles.
+    """
+    if not hasattr(dispatcher, "_cache"):
+        return
+    try:
         dispatcher._cache = KernelCache(dispatcher.py_func)
+    except RuntimeError:
+        # Numba finds no folder that it can use.
+        warn_of_no_store()
 
 
 class _LoadedLibrary(JITCodeLibrary):
@@ -40,6 +50,8 @@ def _no_code() -> bytes:
 
 class _StoredResults(CompileResultCacheImpl):
     """Conversion between results of compilation and what the cache stores."""
+
+    _locator_classes = LOCATORS
 
     def reduce(self, cres: Any) -> tuple[Any, ...]:
         """Return what is stored of a result of compilation, without the environments of functions that read none.
@@ -74,3 +86,8 @@ class KernelCache(FunctionCache):
         rtsys.initialize(target_context)
         with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Store a result of compilation, unless the folder cannot be written to."""
+        if not is_read_only(self._impl.locator):
+            super().save_overload(sig, data)

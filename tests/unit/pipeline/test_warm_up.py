@@ -2,10 +2,12 @@
 
 import os
 import signal
+from pathlib import Path
 
 import pytest
 
 from posefuse.cli.main import main
+from posefuse.diagnostics import installation
 from posefuse.errors import OptionsError, PosefuseError
 from posefuse.pipeline import warm_up as module
 from posefuse.pipeline.warm_up import TASKS, warm_up
@@ -22,6 +24,16 @@ def test_warming_up_says_what_is_ready_and_writes_nothing(tmp_path, monkeypatch,
 def test_a_wrong_number_of_processes_is_refused():
     with pytest.raises(OptionsError, match="at least 1, got 0"):
         warm_up(0)
+
+
+@pytest.mark.parametrize("folder", [None, Path("/shared/kernels")])
+def test_kernels_that_cannot_be_stored_are_not_compiled(folder, monkeypatch, capsys):
+    monkeypatch.setattr(installation, "kernel_cache", lambda: (folder, False))
+    with pytest.raises(SystemExit) as ended:
+        main(["warm-up"])
+    assert ended.value.code == 1
+    error = " ".join(capsys.readouterr().err.split())
+    assert (f"{folder} is read-only" if folder else "no folder for them is writable") in error
 
 
 def _die(_: str) -> None:
