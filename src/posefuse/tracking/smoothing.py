@@ -17,9 +17,10 @@ from posefuse.kernels.tracking.records import State
 from posefuse.parallel import ONE_JOB, Jobs
 from posefuse.tracking.backward_pass import smooth_in_place
 from posefuse.tracking.body_states import join_states, select_states
-from posefuse.tracking.history import History, Run
+from posefuse.tracking.history import History
 from posefuse.tracking.path_priors import PathPriors, estimate_priors, fit_path, with_lasting_offsets
 from posefuse.tracking.refiltering import Window, refilter_run
+from posefuse.tracking.runs import PackedRun, Run
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.smoothed_bodies import SmoothedBodies, describe_bodies, describe_points
 from posefuse.tracking.tempering import observe_pose, predict_states
@@ -123,7 +124,7 @@ class PeopleSmoother:
         """Return the time over which frames influence each other; longer while a shape is or will soon be estimated."""
         options, history = self.settings.options, self.history
         ahead = history.place_at(history.time_s[place] + options.look_ahead_s) - 1
-        free = any(run.state.free.any() for each in (place, ahead) for run in history.runs(each, each + 1))
+        free = any(run.entries.free.any() for each in (place, ahead) for run in history.packed_runs(each, each + 1))
         return options.look_ahead_s + (options.fix_shape_after_s if free else 0.0)
 
     def _take(self, stop: int, ahead_s: float) -> list[SmoothedPerson]:
@@ -133,9 +134,9 @@ class PeopleSmoother:
         if self._priors is not None:
             # Fitted poses depend on the frames before as well as on those after them.
             following = min(history.place_at(history.time_s[stop - 1] - options.look_ahead_s), stop - 1)
-        tracks: dict[int, list[Run]] = {}
-        for run in history.runs(self._from, until):
-            tracks.setdefault(run.number, []).extend(_split_at_gaps(run, options.bridge_s))
+        tracks: dict[int, list[PackedRun]] = {}
+        for run in history.packed_runs(self._from, until):
+            tracks.setdefault(run.number, []).extend(run.split_at_gaps(options.bridge_s))
         pieces = (
             _TrackPiece(
                 runs, (start, stop, following), self._windows.get(number), self._priors, self.settings,
@@ -154,7 +155,8 @@ class _TrackPiece:
     """A track in a range of frames.
 
     Attributes:
-        runs: Runs of the track in the frames that influence the range, by time.
+        runs: Runs of the track in the frames that influence the range, by time. They are packed on the way to another
+            process.
         span: First frame, end, and first frame that the next range needs.
         window: Frames filtered again earlier.
         priors: Priors of fitted paths; None without.
@@ -162,7 +164,7 @@ class _TrackPiece:
         only_points: Whether uncertainties are left out.
     """
 
-    runs: list[Run]
+    runs: list[PackedRun]
     span: tuple[int, int, int]
     window: Window | None
     priors: PathPriors | None
@@ -187,7 +189,8 @@ def _smooth_track(piece: _TrackPiece) -> tuple[list[SmoothedPerson], Window | No
     people, following = [], None
     later: _LaterRun | None = None
     start, stop, _ = piece.span
-    for run in reversed(piece.runs):
+    for packed in reversed(piece.runs):
+        run = packed.run()
         joins = later is not None and later.follows(run)
         body, window, later = _smooth_run(piece, run, later if joins else None)
         if len(body):
@@ -279,10 +282,3 @@ def _smoothed_by(
     both = join_states(state, last)
     smooth_in_place(both, later_s, settings)
     return State(*(each[:-1] for each in both))
-
-
-def _split_at_gaps(run: Run, bridge_s: float) -> list[Run]:
-    """Return the parts of a run in which the person is never lost for longer than a time."""
-    near = np.append(np.append(False, run.missing_s <= bridge_s), False)
-    edges = np.flatnonzero(near[1:] != near[:-1])
-    return [run.frames(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
