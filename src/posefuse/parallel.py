@@ -121,24 +121,28 @@ class Jobs:
             self._pool.shutdown(wait=True, cancel_futures=True)
             self._pool, self._started = None, False
 
-    def in_order(self, work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
+    def in_order(
+        self, work: Callable[[Item], Result], items: Iterable[Item], lead: int | None = None
+    ) -> Iterator[Result]:
         """Yield the result of ``work`` for each item, in the order of the items.
 
-        Items are taken in the calling thread, and at most ``number`` of them before their results are asked for, which
-        bounds the memory. An error of an item is raised, and its warnings are given, where its result is yielded.
+        Items are taken in the calling thread. An error of an item is raised, and its warnings are given, where its
+        result is yielded.
 
         Args:
             work: computes a result; a function of a module, whose argument and result can be pickled.
             items: what to compute results of.
+            lead: number of items that are taken before the result of the first of them is asked for, by default
+                ``number``, which bounds the memory. More keep all processes busy while one item takes long.
 
         Raises:
             PosefuseError: if a process dies.
         """
-        for _, result in self.in_order_with(work, ((None, item) for item in items)):
+        for _, result in self.in_order_with(work, ((None, item) for item in items), lead):
             yield result
 
     def in_order_with(
-        self, work: Callable[[Item], Result], items: Iterable[tuple[Kept, Item]]
+        self, work: Callable[[Item], Result], items: Iterable[tuple[Kept, Item]], lead: int | None = None
     ) -> Iterator[tuple[Kept, Result]]:
         """Do the same for pairs of a value that stays in this process and an item; yield the value and the result."""
         if self._pool is None:
@@ -149,7 +153,7 @@ class Jobs:
         try:
             for kept, item in items:
                 running.append((kept, self._submit(work, item)))
-                if len(running) > self.number:
+                if len(running) > (lead or self.number):
                     first, future = running.popleft()
                     yield first, _result_of(future)
             while running:
@@ -164,6 +168,20 @@ class Jobs:
         if self._pool is None:
             return partial(work, item)
         return partial(_result_of, self._submit(work, item))
+
+    def begin_made(self, work: Callable[[Item], Result], make: Callable[[], Item]) -> Callable[[], Result]:
+        """Do the same for an item that a thread makes meanwhile; with one job, it is made when its result is asked for.
+
+        Args:
+            work: computes the result.
+            make: returns the item.
+        """
+        if self._pool is None:
+            return lambda: work(make())
+        thread = ThreadPoolExecutor(1)
+        submitted = thread.submit(lambda: self._submit(work, make()))
+        thread.shutdown(wait=False)
+        return lambda: _result_of(submitted.result())
 
     def ahead(self, items: Iterator[Item]) -> Iterator[Item]:
         """Yield the items; with several jobs, a thread computes the next one meanwhile.

@@ -78,6 +78,32 @@ def test_few_items_are_taken_in_advance(jobs):
         assert len(taken) <= done + 2
 
 
+def test_more_items_are_taken_in_advance_on_request(two_jobs):
+    taken = []
+    results = two_jobs.in_order(slower_for_some, (taken.append(item) or item for item in range(8)), lead=6)
+    assert next(results) == 0
+    assert taken == list(range(7))
+    assert list(results) == [item**2 for item in range(1, 8)]
+
+
+def test_a_thread_makes_the_item_of_a_piece_of_work(jobs):
+    assert jobs.begin_made(slower_for_some, lambda: 7)() == 49
+    wait = jobs.begin_made(inverse, lambda: 0)
+    with pytest.raises(DetectionsError, match="No keypoint"):
+        wait()
+    made, may_be_made = [], threading.Event()
+
+    def make() -> int:
+        made.append(threading.current_thread())
+        assert may_be_made.wait(10.0)
+        return 2
+
+    wait = jobs.begin_made(inverse, make)
+    may_be_made.set()
+    assert wait() == 0.5
+    assert (made == [threading.main_thread()]) == (jobs is ONE_JOB)
+
+
 def test_an_error_is_raised_in_its_place(jobs):
     results = jobs.in_order(inverse, [2, 1, 0, 1])
     assert [next(results), next(results)] == [0.5, 1.0]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from posefuse.arguments import checked
@@ -46,8 +47,8 @@ def begin_check(plan: Plan, jobs: Jobs = ONE_JOB) -> Callable[[], tuple[Finding,
     """
     if len(plan.rig) == 1 or plan.options.health == "off" or plan.options.people == STILLS:
         return lambda: plan.findings
-    observations = recording_check.collect_observations(plan.rig, plan.detections, plan.subjects)
-    check = jobs.begin(_find_faults, observations)
+    collect = partial(recording_check.collect_observations, plan.rig, plan.detections, plan.subjects)
+    check = jobs.begin_made(_find_faults, collect)
 
     def wait() -> tuple[Finding, ...]:
         known = {finding.kind for finding in plan.findings}

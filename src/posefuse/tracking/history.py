@@ -24,6 +24,7 @@ from posefuse.tracking.history_blocks import Block
 from posefuse.tracking.history_entries import Entries
 from posefuse.tracking.parts import PartTracker
 from posefuse.tracking.records import PastState, People, Person, Track, TrackedFrame
+from posefuse.tracking.runs import PackedRun, Run
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.tracker import ArticulatedTracker
 
@@ -31,55 +32,6 @@ _BLOCK_S = 5.0
 _MAX_CACHED_BLOCKS = 4
 _OTHER_BODY = 0.04
 """Median relative change of fixed lengths beyond which they are those of another body."""
-
-
-@dataclass(frozen=True, eq=False)
-class Run:
-    """Filtered states of one track in consecutive frames.
-
-    Attributes:
-        number: Number of the track, whatever its name.
-        places: shape (frame,), int64: indices of the frames in the history.
-        time_s: shape (frame,).
-        fresh: Whether the filter was initialized with the first frame.
-        state: State with one entry per frame instead of per person.
-        rows: shape (frame, view), int64: assigned detections, -1 for none.
-        used: shape (frame, view, keypoint), bool: keypoints that the update used.
-        life: shape (frame,), int8: TENTATIVE before the track was confirmed, then ACTIVE or LOST.
-        missing_s: shape (frame,): time since the last support, in seconds.
-        keypoints_px: shape (frame, view, node keypoint, 2), float32: assigned keypoints of the body, NaN where there is
-            none.
-        confidence: shape (frame, view, node keypoint), float32.
-    """
-
-    number: int
-    places: np.ndarray
-    time_s: np.ndarray
-    fresh: bool
-    state: State
-    rows: np.ndarray
-    used: np.ndarray
-    life: np.ndarray
-    missing_s: np.ndarray
-    keypoints_px: np.ndarray
-    confidence: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.places)
-
-    def frames(self, start: int, stop: int) -> "Run":
-        """Return the frames ``start`` to ``stop`` of the run."""
-        to = slice(start, stop)
-        return Run(
-            self.number, self.places[to], self.time_s[to], self.fresh and start == 0,
-            State(*(s[to] for s in self.state)), self.rows[to], self.used[to], self.life[to], self.missing_s[to],
-            self.keypoints_px[to], self.confidence[to],
-        )  # fmt: skip
-
-    def within(self, start: int, stop: int) -> "Run":
-        """Return the frames from ``start`` to ``stop`` of the history."""
-        first, last = np.searchsorted(self.places, (start, stop))
-        return self.frames(int(first), int(last))
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,6 +288,10 @@ class History:
         return bisect_right(self.time_s, time_s)
 
     def runs(self, start: int, stop: int, only: int | None = None) -> list[Run]:
+        """Return the runs of tracks, as :meth:`packed_runs`, with their states."""
+        return [packed.run() for packed in self.packed_runs(start, stop, only)]
+
+    def packed_runs(self, start: int, stop: int, only: int | None = None) -> list[PackedRun]:
         """Return the runs of all tracks in the frames ``start`` to ``stop``, by track number, then by time.
 
         A track has several runs if it was interrupted, or if the filter was initialized again.
@@ -353,7 +309,11 @@ class History:
                 for number, entries in self._entries(block, start, stop).items():
                     if only in (None, number):
                         found.setdefault(number, []).append(entries)
-        return [self._run(number, part) for number, parts in found.items() for part in Entries.joined(parts).unbroken()]
+        return [
+            PackedRun(number, np.array(self.time_s[part.places[0] : part.places[-1] + 1]), part)
+            for number, parts in found.items()
+            for part in Entries.joined(parts).unbroken()
+        ]
 
     def _entries(self, block: Block, start: int, stop: int) -> dict[int, Entries]:
         """Return the entries of some frames of a block by track number; blocks read from a spool are cached."""
@@ -365,13 +325,6 @@ class History:
             self._recent[block.first] = self._spool.read(block.spooled_at)
         inside = {number: entries.within(start, stop) for number, entries in self._recent[block.first].items()}
         return {number: entries for number, entries in inside.items() if len(entries)}
-
-    def _run(self, number: int, entries: Entries) -> Run:
-        places = entries.places
-        return Run(
-            number, places, np.array(self.time_s[places[0] : places[-1] + 1]), bool(entries.fresh[0]), entries.state,
-            entries.rows, entries.used, entries.life, entries.missing_s, entries.keypoints_px, entries.confidence,
-        )  # fmt: skip
 
 
 def _equal(shape_m: np.ndarray, other_m: np.ndarray) -> bool:

@@ -17,7 +17,7 @@ from posefuse.checkpoint import Spool
 from posefuse.kernels.tracking.records import State
 from posefuse.parallel import Jobs
 from posefuse.tracking.backward_pass import smooth_in_place
-from posefuse.tracking.history import History, Run
+from posefuse.tracking.history import History
 from posefuse.tracking.path_fit import (
     LengthEquations,
     MotionEvidence,
@@ -27,6 +27,7 @@ from posefuse.tracking.path_fit import (
     reduce_to_lengths,
 )
 from posefuse.tracking.refiltering import refilter_run
+from posefuse.tracking.runs import Run
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.smoothed_bodies import SmoothedBodies
 

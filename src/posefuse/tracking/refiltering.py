@@ -7,7 +7,7 @@ import numpy as np
 from posefuse.kernels.tracking.records import State
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.body_states import select_states
-from posefuse.tracking.history import Run
+from posefuse.tracking.runs import Run
 from posefuse.tracking.settings import TrackerSettings, filter_memory_s, tempering_factor
 from posefuse.tracking.tempering import refilter, temper_first_state
 

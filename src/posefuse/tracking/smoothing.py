@@ -17,9 +17,10 @@ from posefuse.kernels.tracking.records import State
 from posefuse.parallel import ONE_JOB, Jobs
 from posefuse.tracking.backward_pass import smooth_in_place
 from posefuse.tracking.body_states import join_states, select_states
-from posefuse.tracking.history import History, Run
+from posefuse.tracking.history import History
 from posefuse.tracking.path_priors import PathPriors, estimate_priors, fit_path, with_lasting_offsets
 from posefuse.tracking.refiltering import Window, refilter_run
+from posefuse.tracking.runs import PackedRun, Run
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.smoothed_bodies import SmoothedBodies, describe_bodies, describe_points
 from posefuse.tracking.tempering import observe_pose, predict_states
@@ -76,6 +77,7 @@ class PeopleSmoother:
         """Index of the first frame that was not returned yet."""
         self._from = self._first_relevant(start)
         self._windows: dict[int, Window] = {}
+        self._next: _Recorded | None = None
         self._priors: PathPriors | None = None
         self._estimated = self.settings.options.smoother != "full"
 
@@ -102,12 +104,11 @@ class PeopleSmoother:
         people = []
         while self.done < stop:
             if options.smoother == "full":
-                last = min(stop, self.done + _MAX_FRAMES)
-                people += self._take(last, self._memory_s(last - 1))
+                people += self._take(min(stop, self.done + _MAX_FRAMES), _MAX_FRAMES)
             elif options.smoother == "lag":
-                people += self._take(self.done + 1, options.lag_s)
+                people += self._take(self.done + 1)
             else:
-                people += self._take(stop, 0.0)
+                people += self._take(stop)
         return people
 
     @property
@@ -123,30 +124,70 @@ class PeopleSmoother:
         """Return the time over which frames influence each other; longer while a shape is or will soon be estimated."""
         options, history = self.settings.options, self.history
         ahead = history.place_at(history.time_s[place] + options.look_ahead_s) - 1
-        free = any(run.state.free.any() for each in (place, ahead) for run in history.runs(each, each + 1))
+        free = any(run.entries.free.any() for each in (place, ahead) for run in history.packed_runs(each, each + 1))
         return options.look_ahead_s + (options.fix_shape_after_s if free else 0.0)
 
-    def _take(self, stop: int, ahead_s: float) -> list[SmoothedPerson]:
-        history, start, options = self.history, self.done, self.settings.options
+    def _take(self, stop: int, following: int = 0) -> list[SmoothedPerson]:
+        """Return all people in the frames up to ``stop``.
+
+        Args:
+            stop: Index after the last frame.
+            following: Number of frames that will be taken next, as far as there are more; 0 if that is unknown.
+        """
+        recorded = self._read(self.done, self._from, stop)
+        pieces = [
+            _TrackPiece(
+                runs, (self.done, stop, recorded.following), self._windows.get(number), self._priors, self.settings,
+                self._only_points,
+            )
+            for number, runs in recorded.tracks.items()
+        ]  # fmt: skip
+        smoothed = [self._jobs.begin(_smooth_track, piece) for piece in pieces]
+        if self._jobs.number > 1 and following and stop < len(self.history):
+            # The processes need no data for the next frames before those of these frames are smoothed.
+            self._next = self._read(stop, recorded.following, min(stop + following, len(self.history)))
+        found = [wait() for wait in smoothed]
+        windows = zip(recorded.tracks, (window for _, window in found), strict=True)
+        self._windows = {number: window for number, window in windows if window is not None}
+        self.done, self._from = stop, recorded.following
+        return [person for people, _ in found for person in people]
+
+    def _read(self, start: int, since: int, stop: int) -> "_Recorded":
+        """Return what the history holds of the frames ``start`` to ``stop``, which those from ``since`` on influence.
+
+        It is read only once if it was read in advance.
+        """
+        known, self._next = self._next, None
+        if known is not None and known.span == (start, since, stop):
+            return known
+        history, options = self.history, self.settings.options
+        ahead_s = 0.0
+        if options.smoother != "none":
+            ahead_s = options.lag_s if options.smoother == "lag" else self._memory_s(stop - 1)
         until = max(stop, history.place_at(history.time_s[stop - 1] + ahead_s))
         following = stop - 1
         if self._priors is not None:
             # Fitted poses depend on the frames before as well as on those after them.
             following = min(history.place_at(history.time_s[stop - 1] - options.look_ahead_s), stop - 1)
-        tracks: dict[int, list[Run]] = {}
-        for run in history.runs(self._from, until):
-            tracks.setdefault(run.number, []).extend(_split_at_gaps(run, options.bridge_s))
-        pieces = (
-            _TrackPiece(
-                runs, (start, stop, following), self._windows.get(number), self._priors, self.settings,
-                self._only_points,
-            )
-            for number, runs in tracks.items()
-        )  # fmt: skip
-        smoothed = list(zip(tracks, self._jobs.in_order(_smooth_track, pieces), strict=True))
-        self._windows = {number: window for number, (_, window) in smoothed if window is not None}
-        self.done, self._from = stop, following
-        return [person for _, (people, _) in smoothed for person in people]
+        tracks: dict[int, list[PackedRun]] = {}
+        for run in history.packed_runs(since, until):
+            tracks.setdefault(run.number, []).extend(run.split_at_gaps(options.bridge_s))
+        return _Recorded((start, since, stop), following, tracks)
+
+
+@dataclass(frozen=True, eq=False)
+class _Recorded:
+    """What a history holds of a range of frames.
+
+    Attributes:
+        span: First frame, first frame that influences the range, and end.
+        following: First frame that influences the frames after the range.
+        tracks: Runs in the frames that influence the range, by number of the track.
+    """
+
+    span: tuple[int, int, int]
+    following: int
+    tracks: dict[int, list[PackedRun]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +195,8 @@ class _TrackPiece:
     """A track in a range of frames.
 
     Attributes:
-        runs: Runs of the track in the frames that influence the range, by time.
+        runs: Runs of the track in the frames that influence the range, by time. They are packed on the way to another
+            process.
         span: First frame, end, and first frame that the next range needs.
         window: Frames filtered again earlier.
         priors: Priors of fitted paths; None without.
@@ -162,7 +204,7 @@ class _TrackPiece:
         only_points: Whether uncertainties are left out.
     """
 
-    runs: list[Run]
+    runs: list[PackedRun]
     span: tuple[int, int, int]
     window: Window | None
     priors: PathPriors | None
@@ -187,7 +229,8 @@ def _smooth_track(piece: _TrackPiece) -> tuple[list[SmoothedPerson], Window | No
     people, following = [], None
     later: _LaterRun | None = None
     start, stop, _ = piece.span
-    for run in reversed(piece.runs):
+    for packed in reversed(piece.runs):
+        run = packed.run()
         joins = later is not None and later.follows(run)
         body, window, later = _smooth_run(piece, run, later if joins else None)
         if len(body):
@@ -279,10 +322,3 @@ def _smoothed_by(
     both = join_states(state, last)
     smooth_in_place(both, later_s, settings)
     return State(*(each[:-1] for each in both))
-
-
-def _split_at_gaps(run: Run, bridge_s: float) -> list[Run]:
-    """Return the parts of a run in which the person is never lost for longer than a time."""
-    near = np.append(np.append(False, run.missing_s <= bridge_s), False)
-    edges = np.flatnonzero(near[1:] != near[:-1])
-    return [run.frames(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]

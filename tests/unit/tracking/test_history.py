@@ -11,7 +11,9 @@ from scipy.spatial.transform import Rotation
 from posefuse.errors import DetectionsError
 from posefuse.kernels.tracking.records import State
 from posefuse.model.tracks import TrackState
+from posefuse.parallel import Jobs
 from posefuse.tracking import history as history_module
+from posefuse.tracking import smoothing as smoothing_module
 from posefuse.tracking.body_states import empty_state, join_states, select_states
 from posefuse.tracking.history import History
 from posefuse.tracking.records import PastState, People, Person, TrackedFrame
@@ -181,6 +183,23 @@ def test_smoothing_any_range_equals_smoothing_at_once(settings, rng, start):
     second = whole.body.frames(start, start + 40)
     np.testing.assert_allclose(part.body.points_m, second.points_m, atol=1e-5)
     np.testing.assert_allclose(part.body.covariance_m2, second.covariance_m2, atol=1e-8)
+
+
+@pytest.mark.parametrize("stops", [[40], [7, 40], [10, 20, 30, 40]])
+def test_reading_in_advance_changes_nothing(settings, rng, monkeypatch, stops):
+    monkeypatch.setattr(smoothing_module, "_MAX_FRAMES", 10)
+    history = history_of(settings, filtered(settings, 40, rng, kept_from=18))
+    whole, advance = PeopleSmoother(history), PeopleSmoother(history, jobs=Jobs(2))
+    read = []
+    packed_runs = History.packed_runs
+    monkeypatch.setattr(History, "packed_runs", lambda self, *span: read.append(span) or packed_runs(self, *span))
+    for stop in stops:
+        for one, other in zip(whole.take(stop), advance.take(stop), strict=True):
+            np.testing.assert_array_equal(one.places, other.places)
+            np.testing.assert_array_equal(one.body.points_m, other.body.points_m)
+            np.testing.assert_array_equal(one.body.covariance_m2, other.body.covariance_m2)
+    if stops[0] % 10 == 0:
+        assert {read.count(span) for span in read if span[1] - span[0] > 1} == {2}
 
 
 def test_lag_of_the_whole_recording_equals_the_full_smoother(settings, rng):

@@ -15,8 +15,8 @@ from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.backward_pass import smooth_in_place, smooth_states
 from posefuse.tracking.body_states import empty_state, free_columns, join_states, select_states
-from posefuse.tracking.history import Run
 from posefuse.tracking.refiltering import refilter_run
+from posefuse.tracking.runs import Run
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.smoothed_bodies import SmoothedBodies, describe_bodies
 from posefuse.tracking.tempering import predict_states, refilter, temper_first_state

@@ -286,7 +286,8 @@ def write_files(
     names: list[str] = []
     notes: list[str] = []
     progress.start("writing files", len(files))
-    for written, remarks in jobs.in_order(_write_file, ((file, result, folder) for file in files)):
+    # All files are begun: the first one may take as long as all others together.
+    for written, remarks in jobs.in_order(_write_file, ((file, result, folder) for file in files), len(files)):
         names += written
         notes += remarks
         progress.advance(1)
