@@ -150,7 +150,16 @@ def test_interruption_without_a_checkpoint_is_raised(crowd, monkeypatch):
         prepare(*crowd, MANY, Silent())
 
 
+@pytest.fixture
+def interruptible():
+    """Let SIGINT raise KeyboardInterrupt; a shell starts commands in the background with SIGINT ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no signals for threads")
+@pytest.mark.usefixtures("interruptible")
 @pytest.mark.parametrize("full", [False, True])
 def test_second_interruption_while_a_thread_stores_ends_the_run(crowd, whole, tmp_path, monkeypatch, full):
     """The state is stored all the same; where the disk is full, the error says so."""
