@@ -22,7 +22,7 @@ from posefuse.model.detections import Detections
 from posefuse.model.frames import Frame
 from posefuse.model.options.association import PROPOSAL_METHODS, AssociationOptions, ProposalMethod
 from posefuse.model.options.options import Options
-from posefuse.pipeline.people import default_noise
+from posefuse.pipeline.people.initial_noise import default_noise
 from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 

@@ -19,7 +19,8 @@ import posefuse.tracking
 from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.tracks import TrackState
-from posefuse.pipeline.people import default_noise, tracker_of
+from posefuse.pipeline.people.initial_noise import default_noise
+from posefuse.pipeline.people.trackers import tracker_of
 from posefuse.synthetic.crowd_options import NO_FAULTS, CrowdOptions
 from posefuse.synthetic.crowds import simulate_crowd
 from posefuse.synthetic.options import CLEAN

@@ -1,6 +1,5 @@
 """The command ``posefuse``; each command is imported when it is called, so that ``--help`` starts fast."""
 
-import re
 import sys
 import time
 from pathlib import Path
@@ -74,8 +73,8 @@ COMMANDS = {
     "methods": "List the triangulation methods.",
     "formats": "List the file formats.",
 }
-_STORE = re.compile(r"(?:^|(?<==))(?:s3a?|gs|gcs|abfss?|az|adl)://?")
-"""Start of the URL of an object store, as an argument or as the value of a flag."""
+_TAKES_URLS = ("batch", "stream")
+"""Commands with URLs among their arguments."""
 _RESUMING = ("run", "detect")
 """Commands that keep what they have finished."""
 
@@ -103,8 +102,10 @@ def launch(
         tokens = (*tokens, "--help")
     app.config = ()
     command = next((token for token in tokens if token in COMMANDS), None)
-    if command != "batch":
-        _require_local(tokens)
+    if command not in _TAKES_URLS and any("://" in token for token in tokens):
+        from posefuse.io.object_stores import require_local
+
+        require_local(*tokens, *(token.partition("=")[2] for token in tokens))
     if options is not None:
         from posefuse.cli.options_file import command_values
 
@@ -113,16 +114,6 @@ def launch(
         values = {} if command is None else {command: command_values(options, command, from_videos=from_videos)}
         app.config = (DictConfig(values, source=str(options), allow_unknown=True),)
     return app(_joined(tokens), exit_on_error=False, print_error=False, result_action="return_value")
-
-
-def _require_local(tokens: tuple[str, ...]) -> None:
-    """Refuse URLs of object stores, which a path would turn into a local folder named ``s3:``."""
-    for token in tokens:
-        if match := _STORE.search(token):
-            raise OptionsError(
-                f"{token[match.start() :]} is on an object store, which only posefuse batch reads and writes. Specify "
-                "a local path, or use posefuse batch."
-            )
 
 
 def _joined(tokens: tuple[str, ...]) -> tuple[str, ...]:

@@ -4,10 +4,10 @@ from cyclopts import _convert
 
 
 def whole_number(text: str) -> int:
-    """Return an integer, which ``30.0`` also is.
+    """Return the integer that a text states; ``30.0`` states one, too.
 
     Raises:
-        ValueError: if the text is none.
+        ValueError: if the text does not state an integer.
     """
     if "." not in text:
         return int(text)
@@ -17,8 +17,8 @@ def whole_number(text: str) -> int:
 
 
 def refuse_fractions() -> None:
-    """Let the parser refuse 1.5 where an integer is expected; by default it rounds, without a message.
+    """Make the parser refuse 1.5 where an integer is expected; by default, it rounds without a message.
 
-    It has no public setting for that. In a version without this table, it rounds.
+    The parser has no public setting for this. A version without this table of converters still rounds.
     """
     getattr(_convert, "_converters", {})[int] = whole_number

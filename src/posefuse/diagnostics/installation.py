@@ -63,7 +63,7 @@ class Installation:
         gpu: name of the program that shows an NVIDIA GPU, or empty. posefuse needs none; detectors use one.
         cache: folder of the compiled kernels; empty where they cannot be stored.
         cache_mb: size of the compiled kernels; 0 before the first run.
-        is_cache_writable: whether kernels can be stored there. Otherwise each process compiles them again.
+        is_cache_writable: whether kernels can be stored there. Otherwise each process compiles those that are not.
         extras: optional packages.
         detectors: detectors of keypoints in videos.
     """
@@ -81,7 +81,7 @@ class Installation:
 
 
 def examine_installation() -> Installation:
-    """Return what is installed, without loading any of it."""
+    """Return what is installed; of all packages, only the compiler is loaded, which knows the folder of kernels."""
     versions = {"posefuse": importlib.metadata.version("posefuse"), "python": platform.python_version()}
     versions |= {name: importlib.metadata.version(name) for name in _CORE}
     cache, is_writable = kernel_cache()
@@ -103,11 +103,11 @@ def examine_installation() -> Installation:
 def kernel_cache() -> tuple[Path | None, bool]:
     """Return the folder of compiled kernels, None where they cannot be stored, and whether it can be written to."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the answer says the same
+        warnings.simplefilter("ignore")  # The result states the same.
         try:
             from posefuse.kernels.diagnostics.epipolar import sampson
             from posefuse.kernels.stores import store_of
-        except (ImportError, OSError):  # a broken compiler, which the caller examines
+        except (ImportError, OSError):  # The compiler is broken, which the caller examines.
             return None, False
         return store_of(sampson)
 

@@ -14,7 +14,6 @@ from numba.core import config
 from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator, ZipCacheLocator
 
 _PACKAGE = Path(__file__).parents[1]
-_HOW = "Set NUMBA_CACHE_DIR to a folder that you may write to."
 
 
 def _chosen() -> str:
@@ -88,4 +87,8 @@ def store_of(kernel: Any) -> tuple[Path | None, bool]:
 def warn_of_no_store() -> None:
     """Warn once that kernels cannot be stored."""
     tried = ", ".join(str(path) for path in (_chosen(), _PACKAGE, "the cache of the user") if path)
-    warnings.warn(f"Compiled kernels cannot be stored ({tried}), so every process compiles again. {_HOW}", stacklevel=2)
+    warnings.warn(
+        f"No folder for compiled kernels is writable ({tried}), so every process compiles them again. Set "
+        "NUMBA_CACHE_DIR to a writable folder.",
+        stacklevel=2,
+    )

@@ -13,7 +13,7 @@ from posefuse.model.noise import NoiseModel
 from posefuse.model.options.options import Options
 from posefuse.model.tracks import Tracks
 from posefuse.pipeline.defaults import resolve_min_views
-from posefuse.pipeline.people import default_noise
+from posefuse.pipeline.people.initial_noise import default_noise
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.tracking.records import People
 from posefuse.triangulation.method import Method

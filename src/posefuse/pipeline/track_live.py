@@ -7,7 +7,8 @@ from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
-from posefuse.pipeline import people
+from posefuse.pipeline.people.initial_noise import default_noise
+from posefuse.pipeline.people.trackers import tracker_of, warn_of_unused_options
 from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 from posefuse.tracking.records import People
 
@@ -30,11 +31,11 @@ class Tracker:
 
     def __init__(self, rig: CameraRig, skeleton: Skeleton | str, options: Options | None = None) -> None:
         options = options or Options()
-        noise, known = people.default_noise(rig, options), find_skeleton(skeleton)
+        noise, known = default_noise(rig, options), find_skeleton(skeleton)
         # Live results are not smoothed, whatever the options request.
         live = replace(options, tracker=replace(options.tracker, smoother="none", lag_s=TrackerOptions().lag_s))
-        people.warn_of_unused_options(live, known)
-        self._tracker = people.tracker_of(rig, known, noise, options)
+        warn_of_unused_options(live, known)
+        self._tracker = tracker_of(rig, known, noise, options)
 
     def update(self, frame: Frame) -> People:
         """Process one frame, later than the last one.

@@ -50,10 +50,8 @@ def _several_people(folder: Path) -> None:
 
 
 def _calibration_by_people(folder: Path) -> None:
-    del folder
-    scene = simulate_crowd(CrowdOptions(people=1, cameras=3, duration_s=2 * _DURATION_S))
-    options = PeopleOptions(stature_m=1.8, jobs=1)
-    calibrate_by_people(scene.detections, intrinsics=scene.rig, options=options)
+    _write(simulate_crowd(CrowdOptions(people=1, cameras=3, duration_s=2 * _DURATION_S)), folder)
+    calibrate_by_people(folder, intrinsics=folder / "calibration.toml", options=PeopleOptions(stature_m=1.8, jobs=1))
 
 
 TASKS: Mapping[str, Callable[[Path], None]] = {
@@ -68,7 +66,7 @@ TASKS: Mapping[str, Callable[[Path], None]] = {
 def warm_up(jobs: int = 2, *, progress: Progress | None = None) -> Sequence[str]:
     """Compile and store the kernels for one subject, for several people, and for a calibration by people.
 
-    It reconstructs short simulated scenes, and calibrates the cameras of one.
+    Each task processes a short simulated scene.
 
     Args:
         jobs: number of processes.

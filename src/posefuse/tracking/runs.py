@@ -12,19 +12,14 @@ from posefuse.tracking.history_entries import Entries
 class Run:
     """Filtered states of one track in consecutive frames.
 
+    The other fields are those of :class:`posefuse.tracking.history_entries.Entries`.
+
     Attributes:
         number: Number of the track, whatever its name.
-        places: shape (frame,), int64: indices of the frames in the history.
         time_s: shape (frame,).
         fresh: Whether the filter was initialized with the first frame.
         state: State with one entry per frame instead of per person.
-        rows: shape (frame, view), int64: assigned detections, -1 for none.
-        used: shape (frame, view, keypoint), bool: keypoints that the update used.
         life: shape (frame,), int8: TENTATIVE before the track was confirmed, then ACTIVE or LOST.
-        missing_s: shape (frame,): time since the last support, in seconds.
-        keypoints_px: shape (frame, view, node keypoint, 2), float32: assigned keypoints of the body, NaN where there is
-            none.
-        confidence: shape (frame, view, node keypoint), float32.
     """
 
     number: int

@@ -27,7 +27,7 @@ with warnings.catch_warnings(record=True) as given:
     total = float(kernels.total(np.arange(4.0)))
 folder, writable = store_of(kernels.total)
 loaded = sum(kernels.total.stats.cache_hits.values())
-print(total, loaded, folder and folder.name, writable, sum("cannot be stored" in str(each.message) for each in given))
+print(total, loaded, folder and folder.name, writable, sum("No folder for" in str(each.message) for each in given))
 """
 KERNELS = """
 from posefuse.kernels.jit import kernel

@@ -11,7 +11,8 @@ from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
-from posefuse.pipeline.people import default_noise, tracker_of
+from posefuse.pipeline.people.initial_noise import default_noise
+from posefuse.pipeline.people.trackers import tracker_of
 from posefuse.synthetic.crowd_options import NO_FAULTS, CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, crowd_of_points, simulate_crowd
 from posefuse.synthetic.options import CLEAN

@@ -10,7 +10,8 @@ from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState
-from posefuse.pipeline.people import default_noise, tracker_of
+from posefuse.pipeline.people.initial_noise import default_noise
+from posefuse.pipeline.people.trackers import tracker_of
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.crowd_options import NO_FAULTS, CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd

@@ -20,7 +20,8 @@ from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.reconstruction import unpack_covariance
 from posefuse.model.status import PointStatus
 from posefuse.model.tracks import TrackState
-from posefuse.pipeline.people import default_noise, tracker_of
+from posefuse.pipeline.people.initial_noise import default_noise
+from posefuse.pipeline.people.trackers import tracker_of
 from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.skeleton.skeletons import Skeleton, shipped_skeleton
 from posefuse.synthetic.crowd_options import NO_FAULTS, CrowdOptions

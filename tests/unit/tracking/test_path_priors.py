@@ -15,7 +15,8 @@ from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.options.tracking_motion import MotionOptions
 from posefuse.model.tracks import TrackState
 from posefuse.parallel import ONE_JOB, Jobs
-from posefuse.pipeline.people import default_noise, tracker_of
+from posefuse.pipeline.people.initial_noise import default_noise
+from posefuse.pipeline.people.trackers import tracker_of
 from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd

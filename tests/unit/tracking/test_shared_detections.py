@@ -12,7 +12,8 @@ from posefuse.kernels.tracking.shared_detections import _split_keypoints, _Split
 from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
-from posefuse.pipeline.people import default_noise, tracker_of
+from posefuse.pipeline.people.initial_noise import default_noise
+from posefuse.pipeline.people.trackers import tracker_of
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd

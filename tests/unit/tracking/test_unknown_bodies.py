@@ -14,7 +14,8 @@ from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState
-from posefuse.pipeline.people import default_noise, tracker_of
+from posefuse.pipeline.people.initial_noise import default_noise
+from posefuse.pipeline.people.trackers import tracker_of
 from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.skeleton.skeletons import Skeleton, parse_skeleton, shipped_skeleton
 from posefuse.synthetic.crowds import crowd_of_points

@@ -3,8 +3,9 @@
 import numpy as np
 
 from posefuse.model.options.options import Options
-from posefuse.pipeline.people import default_noise, tracker_of
+from posefuse.pipeline.people.initial_noise import default_noise
 from posefuse.pipeline.people.track_recording import track_people
+from posefuse.pipeline.people.trackers import tracker_of
 from posefuse.progress import Silent
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import simulate_crowd

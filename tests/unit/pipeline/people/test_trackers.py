@@ -9,7 +9,7 @@ from posefuse.model.options.association import AssociationOptions, RptOptions
 from posefuse.model.options.options import Options
 from posefuse.model.options.specification import SpecificationOptions
 from posefuse.model.options.tracker import PartOptions, TrackerOptions
-from posefuse.pipeline.people import unused_options, warn_of_unused_options
+from posefuse.pipeline.people.trackers import unused_options, warn_of_unused_options
 from posefuse.pipeline.track_live import Tracker
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
