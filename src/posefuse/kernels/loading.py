@@ -5,6 +5,7 @@ compilation needs them, and it imports them itself. With each function, Numba pa
 caller that is compiled later needs a copy.
 """
 
+import pickle
 from functools import cache
 from typing import Any
 
@@ -81,11 +82,17 @@ class KernelCache(FunctionCache):
     _impl_class = _StoredResults
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Load the machine code for the types of arguments, or return None if it is not stored."""
+        """Load the machine code for the types of arguments, or return None if it is not stored or truncated."""
         # Kernels that allocate arrays call the runtime.
         rtsys.initialize(target_context)
-        with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)
+        try:
+            with self._guard_against_spurious_io_errors():
+                return self._load_overload(sig, target_context)
+        except (pickle.UnpicklingError, EOFError):
+            # An empty index lets the kernel be compiled and stored again.
+            if not is_read_only(self._impl.locator):
+                self.flush()
+            return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Store a result of compilation, unless the folder cannot be written to."""

@@ -67,3 +67,16 @@ def test_a_folder_that_cannot_be_written_to_is_read(call, tmp_path):
 def test_without_a_usable_folder_a_process_compiles_and_warns_once(call, tmp_path):
     assert call("read-only", "absent") == "6.0 0 None False 1"
     assert not (tmp_path / "absent").exists()
+
+
+@pytest.mark.parametrize("ending", ["nbc", "nbi"])
+@pytest.mark.parametrize("size", [0, 100])
+def test_truncated_kernels_are_compiled_again(call, tmp_path, ending, size):
+    assert call("writable", "store") == "6.0 0 store True 0"
+    files = list((tmp_path / "store").rglob(f"*.{ending}"))
+    assert files
+    for file in files:
+        os.truncate(file, size)
+    assert call("read-only", "store") == "6.0 0 store False 0"
+    assert call("writable", "store") == "6.0 0 store True 0"
+    assert call("writable", "store") == "6.0 1 store True 0"
