@@ -91,13 +91,15 @@ def gather_observations(
     rows = tracks.rows(detections)
     n_frames, n_people, n_views = rows.shape
     n_keypoints = len(detections.skeleton)
-    shape = (n_frames, n_people, n_views, n_keypoints)
-    assigned = rows >= 0
+    shape = (n_frames, n_views, n_people, n_keypoints)
     pixels, confidence = np.full((*shape, 2), np.nan), np.full(shape, np.nan)
-    pixels[assigned] = np.asarray(detections.keypoints_px)[rows[assigned]]
-    confidence[assigned] = np.asarray(detections.confidence)[rows[assigned]]
-    pixels = np.moveaxis(pixels, 2, 1).reshape(n_frames, n_views, n_people * n_keypoints, 2)
-    confidence = np.moveaxis(confidence, 2, 1).reshape(pixels.shape[:3])
+    # One view of one person at a time, because a copy of all pixels takes much memory.
+    for p, v in np.ndindex(n_people, n_views):
+        frames = np.flatnonzero(rows[:, p, v] >= 0)
+        pixels[frames, v, p] = np.asarray(detections.keypoints_px)[rows[frames, p, v]]
+        confidence[frames, v, p] = np.asarray(detections.confidence)[rows[frames, p, v]]
+    pixels = pixels.reshape(n_frames, n_views, n_people * n_keypoints, 2)
+    confidence = confidence.reshape(pixels.shape[:3])
     confidence, confidence_varies = _clean_confidence(pixels, confidence)
     time_s, period_s, rate_known = _view_times(detections)
     person = np.repeat(np.arange(n_people), n_keypoints)

@@ -9,6 +9,7 @@ import numpy as np
 from posefuse.alignment.apply import align_parts
 from posefuse.arrays import ranges
 from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
+from posefuse.free_memory import release_free_memory
 from posefuse.left_right import relabel
 from posefuse.model.detections import Detections
 from posefuse.model.label_swaps import Swaps
@@ -106,7 +107,9 @@ def _measured(plan: Plan, checkpoint: Checkpoint, jobs: Jobs, first: int = 0) ->
     # Points and people of the next chunks are computed while this one is used.
     people = jobs.ahead(_smoothed(plan, checkpoint, jobs, missing))
     pieces = ((span, piece_of(plan, *span)) for span in missing.values())
-    points = jobs.in_order_with(measure_points, (((span, piece), piece) for span, piece in pieces))
+    points = jobs.in_order_with(
+        measure_points, (((span, piece), piece) for span, piece in pieces), max(jobs.number - 1, 1)
+    )
     for i, _ in needed:
         if i not in missing:
             yield checkpoint.load(names[i]).to_reconstruction(head)
@@ -115,6 +118,8 @@ def _measured(plan: Plan, checkpoint: Checkpoint, jobs: Jobs, first: int = 0) ->
         part = _with_bodies(plan, span[0], piece, measured, next(people))
         if checkpoint.enabled:
             part = checkpoint.save(names[i], FrameRange.of(part)).to_reconstruction(head)
+        del piece, measured
+        release_free_memory()
         yield part
 
 
@@ -169,6 +174,7 @@ def _solved(plan: Plan, solver: LayerSolver, checkpoint: Checkpoint, jobs: Jobs)
     for i, part in enumerate(solver.solve(parts, n_frames, done=done, begin=first * chunk, jobs=jobs), done):
         if checkpoint.enabled:
             part = checkpoint.save(_SOLVED.format(i), FrameRange.of(part)).to_reconstruction(part)
+        release_free_memory()
         yield part
 
 

@@ -41,15 +41,19 @@ class FrameWindow:
         first: index of the first frame of ``part`` in the recording.
         start: index of the first frame of the range.
         stop: index after its last frame.
+        own: the range without the margin, if that is in memory anyway; None to copy it from ``part``.
     """
 
     part: Reconstruction
     first: int
     start: int
     stop: int
+    own: Reconstruction | None = None
 
     def without_margin(self) -> Reconstruction:
         """Return the range."""
+        if self.own is not None:
+            return self.own
         return replace(self.part.frames(self.start - self.first, self.stop - self.first), events=self.part.events)
 
 
@@ -209,7 +213,7 @@ class LayerSolver:
         """
         windows = frame_windows(iter(parts), n_frames, self.margin, size or self.size, done, begin)
         pieces = ((window.without_margin(), self._piece(window)) for window in windows)
-        for part, solved in jobs.in_order_with(_solve_piece, pieces):
+        for part, solved in jobs.in_order_with(_solve_piece, pieces, max(jobs.number - 1, 1)):
             yield _with_solved(part, solved)
 
     def solve_window(self, window: FrameWindow) -> Reconstruction:
@@ -305,7 +309,12 @@ def frame_windows(
             begin += _drop_before(held, first - begin)
         events = held[0].events
         part = Reconstruction.concatenate(held).frames(first - begin, last - begin)
-        yield FrameWindow(replace(part, events=events), first, start, stop)
+        own, at = None, begin
+        for each in held:
+            if (at, at + each.n_frames) == (start, stop):
+                own = replace(each, events=events)
+            at += each.n_frames
+        yield FrameWindow(replace(part, events=events), first, start, stop, own)
 
 
 def _drop_before(held: list[Reconstruction], frames: int) -> int:

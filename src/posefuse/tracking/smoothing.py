@@ -59,6 +59,7 @@ class PeopleSmoother:
         jobs: Processes that smooth the tracks.
         wait: Waits for the priors of fitted paths, if their estimation has begun.
         only_points: Whether uncertainties are left out, which take most of the time; they are NaN then.
+        reads_ahead: Whether the history is read for the next range while processes smooth one.
     """
 
     def __init__(
@@ -69,8 +70,9 @@ class PeopleSmoother:
         jobs: Jobs = ONE_JOB,
         wait: Callable[[], PathPriors | None] | None = None,
         only_points: bool = False,
+        reads_ahead: bool = True,
     ) -> None:
-        self._jobs, self._wait, self._only_points = jobs, wait, only_points
+        self._jobs, self._wait, self._only_points, self._reads_ahead = jobs, wait, only_points, reads_ahead
         self.history = history
         self.settings = settings or history.settings
         self.done = start
@@ -143,7 +145,7 @@ class PeopleSmoother:
             for number, runs in recorded.tracks.items()
         ]  # fmt: skip
         smoothed = [self._jobs.begin(_smooth_track, piece) for piece in pieces]
-        if self._jobs.number > 1 and following and stop < len(self.history):
+        if self._jobs.number > 1 and self._reads_ahead and following and stop < len(self.history):
             # The processes need no data for the next frames before those of these frames are smoothed.
             self._next = self._read(stop, recorded.following, min(stop + following, len(self.history)))
         found = [wait() for wait in smoothed]

@@ -7,7 +7,13 @@ import pytest
 from posefuse.model.options.left_right import SideOptions
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
-from posefuse.pipeline.defaults import RecordingFacts, resolve_pairs, resolve_people, unused_side_options
+from posefuse.pipeline.defaults import (
+    RecordingFacts,
+    resolve_chunk_frames,
+    resolve_pairs,
+    resolve_people,
+    unused_side_options,
+)
 from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 
 FACTS = RecordingFacts(100, 3, 300, True, True, 20.0, find_skeleton("coco_17"))
@@ -28,6 +34,18 @@ def test_auto_keeps_everyone_if_a_view_shows_several(tree):
     assert resolve_people(Options(), facts, 1).people == "one"
     assert resolve_people(Options(pick="largest"), facts, 3).people == "one"
     assert resolve_people(Options(), replace(facts, several_people=False), 3).people == "one"
+
+
+@pytest.mark.parametrize(
+    ("people", "skeleton", "expected"),
+    [(2, "coco_17", 2048), (2, "coco_wholebody_133", 1024), (4, "coco_wholebody_133", 542), (50, "coco_17", 339)],
+)
+def test_chunks_of_many_keypoints_are_shorter_and_whole_blocks_where_they_are_longer(people, skeleton, expected):
+    facts = replace(
+        FACTS, n_frames=10_000, n_views=8, n_detections=8 * people * 10_000, skeleton=find_skeleton(skeleton)
+    )
+    assert resolve_chunk_frames(Options(), facts).chunk_frames == expected
+    assert resolve_chunk_frames(Options(chunk_frames=100), facts).chunk_frames == 100
 
 
 def test_side_options_without_effect_are_noted():

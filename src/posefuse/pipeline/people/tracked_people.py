@@ -110,7 +110,10 @@ class TrackedPeople:
             only_points: whether uncertainties are left out.
         """
         body = PeopleSmoother(self.history, jobs=jobs, wait=self.priors, only_points=only_points)
-        parts = tuple(PeopleSmoother(each, jobs=jobs, wait=_no_priors, only_points=only_points) for each in self.parts)
+        parts = tuple(
+            PeopleSmoother(each, jobs=jobs, wait=_no_priors, only_points=only_points, reads_ahead=False)
+            for each in self.parts
+        )
         return WholeSmoother(body, parts, jobs)
 
     def points_m(self) -> np.ndarray:
@@ -217,6 +220,10 @@ class SmoothedWhole:
     parts: tuple[list[SmoothedPerson], ...]
 
 
+def _take(smoothers: tuple[PeopleSmoother, ...], stop: int) -> list[list[SmoothedPerson]]:
+    return [each.take(stop) for each in smoothers]
+
+
 @dataclass(frozen=True, eq=False)
 class WholeSmoother:
     """Smooths bodies and parts independently; see :class:`PeopleSmoother`."""
@@ -227,8 +234,9 @@ class WholeSmoother:
 
     def take(self, stop: int) -> SmoothedWhole:
         """Return all people in the frames from the end of the last call up to ``stop``."""
-        body, *parts = self.jobs.together(*(partial(each.take, stop) for each in (self.body, *self.parts)))
-        return SmoothedWhole(body, tuple(parts))
+        # Parts one after the other: the states of all of them together take several times the memory.
+        bodies, parts = self.jobs.together(partial(_take, (self.body,), stop), partial(_take, self.parts, stop))
+        return SmoothedWhole(bodies[0], tuple(parts))
 
     @property
     def memory(self) -> tuple[Memory, ...]:
