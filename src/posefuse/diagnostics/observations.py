@@ -93,11 +93,12 @@ def gather_observations(
     n_keypoints = len(detections.skeleton)
     shape = (n_frames, n_views, n_people, n_keypoints)
     pixels, confidence = np.full((*shape, 2), np.nan), np.full(shape, np.nan)
-    # One view of one person at a time, because a copy of all pixels takes much memory.
+    given_px, given_confidence = np.asarray(detections.keypoints_px), np.asarray(detections.confidence)
+    # One view of one person at a time, since a copy of all pixels takes too much memory.
     for p, v in np.ndindex(n_people, n_views):
         frames = np.flatnonzero(rows[:, p, v] >= 0)
-        pixels[frames, v, p] = np.asarray(detections.keypoints_px)[rows[frames, p, v]]
-        confidence[frames, v, p] = np.asarray(detections.confidence)[rows[frames, p, v]]
+        pixels[frames, v, p] = given_px[rows[frames, p, v]]
+        confidence[frames, v, p] = given_confidence[rows[frames, p, v]]
     pixels = pixels.reshape(n_frames, n_views, n_people * n_keypoints, 2)
     confidence = confidence.reshape(pixels.shape[:3])
     confidence, confidence_varies = _clean_confidence(pixels, confidence)

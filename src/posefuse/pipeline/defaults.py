@@ -21,8 +21,8 @@ _MAX_TRACKED_INTERVAL_S = 2.0
 _CHUNK_BYTES, _BYTES_PER_KEYPOINT, _MIN_CHUNK_FRAMES = 300_000_000, 130, 256
 """Approximate memory of a chunk; memory per detected keypoint, measured with eight cameras; and the chunk length below
 which most of the work would be the context around a chunk."""
-_BLOCK_FRAMES = 1024
-"""Number of frames that are smoothed and solved at a time; chunks of whole blocks are not copied for that."""
+BLOCK_FRAMES = 1024
+"""Number of frames that are solved at a time, besides the margin around them."""
 
 
 @dataclass(frozen=True)
@@ -124,8 +124,9 @@ def resolve_chunk_frames(options: Options, facts: RecordingFacts) -> Options:
     rows_per_frame = facts.n_detections / max(facts.n_frames, 1)
     frame_bytes = max(rows_per_frame, 1.0) * len(facts.skeleton) * _BYTES_PER_KEYPOINT
     most = max(int(_CHUNK_BYTES / frame_bytes), _MIN_CHUNK_FRAMES)
-    if most > _BLOCK_FRAMES:
-        most -= most % _BLOCK_FRAMES
+    if most > BLOCK_FRAMES:
+        # A chunk that is a block needs no copy.
+        most -= most % BLOCK_FRAMES
     return replace(options, chunk_frames=min(options.chunk_frames, most))
 
 

@@ -28,6 +28,7 @@ from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.result_ranges import FrameRange
 from posefuse.model.subjects import Subjects
+from posefuse.pipeline.defaults import BLOCK_FRAMES
 from posefuse.pipeline.measured_layer import Piece, measure_range, piece_of
 from posefuse.pipeline.people.find_subjects import find_subjects
 from posefuse.pipeline.people.keypoint_deviations import with_deviations
@@ -44,7 +45,7 @@ from posefuse.pipeline.people.windows import (
 )
 from posefuse.pipeline.plan import Plan, empty_result
 from posefuse.pipeline.reconstruct import prepare
-from posefuse.pipeline.solved_layer import BLOCK_FRAMES, LayerSolver, clock_of, frame_windows
+from posefuse.pipeline.solved_layer import LayerSolver, clock_of, frame_windows
 from posefuse.progress import Progress, report_ranges
 
 

@@ -107,9 +107,8 @@ def _measured(plan: Plan, checkpoint: Checkpoint, jobs: Jobs, first: int = 0) ->
     # Points and people of the next chunks are computed while this one is used.
     people = jobs.ahead(_smoothed(plan, checkpoint, jobs, missing))
     pieces = ((span, piece_of(plan, *span)) for span in missing.values())
-    points = jobs.in_order_with(
-        measure_points, (((span, piece), piece) for span, piece in pieces), max(jobs.number - 1, 1)
-    )
+    # No piece waits for a process, because each takes much memory.
+    points = jobs.in_order_with(measure_points, (((span, piece), piece) for span, piece in pieces), jobs.number - 1)
     for i, _ in needed:
         if i not in missing:
             yield checkpoint.load(names[i]).to_reconstruction(head)

@@ -17,6 +17,7 @@ from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.track_events import Poses
 from posefuse.parallel import ONE_JOB, Jobs
+from posefuse.pipeline.defaults import BLOCK_FRAMES
 from posefuse.pipeline.foot_contact import FootContact
 from posefuse.pipeline.reprojection_errors import with_reprojection_errors
 from posefuse.pipeline.resting_feet import with_resting_feet
@@ -27,9 +28,6 @@ from posefuse.preprocess.timeline import fill_missing_times
 from posefuse.trajectory import solve as trajectory
 from posefuse.trajectory.observations import MeasuredRange
 from posefuse.trajectory.priors import RecordingPriors
-
-BLOCK_FRAMES = 1024
-"""Number of frames solved at a time, besides the margin around them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +211,8 @@ class LayerSolver:
         """
         windows = frame_windows(iter(parts), n_frames, self.margin, size or self.size, done, begin)
         pieces = ((window.without_margin(), self._piece(window)) for window in windows)
-        for part, solved in jobs.in_order_with(_solve_piece, pieces, max(jobs.number - 1, 1)):
+        # No window waits for a process: each takes as much memory as the range itself.
+        for part, solved in jobs.in_order_with(_solve_piece, pieces, jobs.number - 1):
             yield _with_solved(part, solved)
 
     def solve_window(self, window: FrameWindow) -> Reconstruction:
@@ -309,12 +308,18 @@ def frame_windows(
             begin += _drop_before(held, first - begin)
         events = held[0].events
         part = Reconstruction.concatenate(held).frames(first - begin, last - begin)
-        own, at = None, begin
-        for each in held:
-            if (at, at + each.n_frames) == (start, stop):
-                own = replace(each, events=events)
-            at += each.n_frames
+        own = _find_range(held, start - begin, stop - begin)
+        own = None if own is None else replace(own, events=events)
         yield FrameWindow(replace(part, events=events), first, start, stop, own)
+
+
+def _find_range(held: list[Reconstruction], start: int, stop: int) -> Reconstruction | None:
+    """Return the range that consists of these frames, counted from the first one held, or None."""
+    for each in held:
+        if (start, stop) == (0, each.n_frames):
+            return each
+        start, stop = start - each.n_frames, stop - each.n_frames
+    return None
 
 
 def _drop_before(held: list[Reconstruction], frames: int) -> int:

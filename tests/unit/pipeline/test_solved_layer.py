@@ -109,12 +109,14 @@ def test_windows_hold_their_frames_and_margins():
     )
     plan = prepare(rig, detections, Options(solve="frame"), Silent())
     whole = measured(plan)
-    for size, margin, step in ((10, 3, 7), (20, 0, 50), (8, 8, 1)):
+    for size, margin, step in ((10, 3, 7), (20, 0, 50), (8, 8, 1), (10, 3, 10), (10, 3, 5)):
         parts = (whole.frames(i, min(i + step, 50)) for i in range(0, 50, step))
         covered = []
         for window in frame_windows(parts, 50, margin, size):
             covered.extend(range(window.start, window.stop))
             assert window.first == max(window.start - margin, 0)
+            assert (window.own is not None) == (size == step)
+            assert window.without_margin() == whole.frames(window.start, window.stop)
             last = min(window.stop + margin, 50)
             np.testing.assert_array_equal(window.part.frame_numbers, np.arange(window.first, last))
         assert covered == list(range(50))
