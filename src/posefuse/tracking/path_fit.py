@@ -26,7 +26,9 @@ from posefuse.kernels.tracking.path_terms import (
 from posefuse.kernels.tracking.records import State
 from posefuse.tracking.settings import MIN_MEMORY_S, TrackerSettings
 
-_ITERATIONS = 6
+_STEPS = (1.0, 2.0, 2.0, 1.0)
+"""Lengths of the Gauss-Newton steps. Weights that follow the poses let single steps reach about half of a change, so
+the middle ones are doubled; four reach what six without doubled ones do."""
 
 _MAX_STEP = 0.5
 """Largest change of a number of the pose in one step, in meters or radians."""
@@ -36,9 +38,6 @@ _SHORT_MEMORY = 0.4
 
 _LASTING_MEMORY = 0.8
 """Correlation time of weighted errors over that of the errors, since the weights vary."""
-
-_SHARING = 0.25
-"""Exponent of the ratio of the square roots of the weights of two frames; their correlation is multiplied by that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,11 +134,10 @@ class PathFit:
         self.state = State(*(each.copy() for each in state))
         self.detections = detections
         self.settings = settings
-        n, nodes = settings.tree.n_pose, len(settings.body.parents)
-        size = n + settings.tree.n_shape
+        columns, nodes = _offset_columns(settings), len(settings.body.parents)
         self._scratch = PathScratch(
-            np.empty((nodes, 3)), np.zeros((nodes, 3, size)), np.empty((3, 3)), np.empty((3, 3)), np.empty(3),
-            np.empty((3, size)),
+            columns, np.empty((nodes, 3)), np.empty((nodes, 3, 3)), np.empty((nodes, 3, 3)), np.empty((nodes, 3)),
+            np.empty((3, columns.shape[1])),
         )  # fmt: skip
         self._linear: LinearObservations | None = None
         self._factor: PathFactor | None = None
@@ -152,10 +150,10 @@ class PathFit:
     def linear(self) -> LinearObservations:
         """The linearized detections."""
         if self._linear is None:
-            seen, size = self.detections.variance_px2.shape, self.settings.tree.n_pose + self.settings.tree.n_shape
+            seen, offsets = self.detections.variance_px2.shape, self._scratch.columns.shape
             self._linear = LinearObservations(
                 np.zeros((*seen, 2)), np.zeros((*seen, 2, 3)), np.zeros(seen), np.ones(seen), np.ones(seen),
-                np.zeros((seen[0], seen[2], 3, size)),
+                np.zeros((seen[0], offsets[0], 3, offsets[1])),
             )  # fmt: skip
         return self._linear
 
@@ -169,10 +167,10 @@ class PathFit:
 
     def fit(self, motion: PathMotion) -> bool:
         """Fit the poses; return whether all equations could be solved."""
-        for _ in range(_ITERATIONS):
+        for length in _STEPS:
             self.linearize()
             system = self.equations(motion, self.settings.tree.n_pose)
-            if not self.factorize(system) or not self.move(self.solve(system.gradient[:, :, None])[:, :, 0]):
+            if not self.factorize(system) or not self.move(length * self.solve(system.gradient[:, :, None])[:, :, 0]):
                 return False
         self.linearize()
         return True
@@ -204,7 +202,7 @@ class PathFit:
         correlation = np.exp(-np.diff(self.detections.time_s, prepend=-np.inf) / memory_s)
         innovations = Innovations(*(np.empty(self.linear.precision.shape) for _ in range(2)))
         if inflation is None:
-            weigh_errors(self.linear, correlation, _SHARING, innovations)
+            weigh_errors(self.linear, correlation, innovations)
         else:
             weigh_lasting_errors(self.linear, correlation, inflation, innovations)
         add_observations(s.node_body, self.linear, innovations, self._scratch, system)
@@ -329,6 +327,22 @@ class ReducedPath:
         joint[:, n:, :n] = mixed.transpose(0, 2, 1)
         joint[:, n:, n:] = lengths_m2
         return joint
+
+
+def _offset_columns(settings: TrackerSettings) -> np.ndarray:
+    """Return the ``columns`` of :class:`PathScratch`."""
+    body, n_pose, n_segments = settings.node_body, settings.tree.n_pose, len(settings.tree.segments)
+    columns = np.full((len(body.parents), 6), -1)
+    for node, (parent, carrier, lengths) in enumerate(zip(body.parents, body.carriers, body.shape_of, strict=True)):
+        if parent < 0:
+            own = [0, 1, 2]
+        elif body.is_bone[node]:
+            own = [3 + 3 * n_segments + 2 * carrier + i for i in range(2)]
+        else:
+            own = [3 + 3 * carrier + i for i in range(3)]
+        own = [*own, *(n_pose + lengths[lengths >= 0])]
+        columns[node, : len(own)] = own
+    return columns
 
 
 def reduce_to_lengths(fit: PathFit, motion: PathMotion, inflation: float | None = None) -> ReducedPath | None:

@@ -91,6 +91,47 @@ def node_jacobian(body, pose, n_pose, jacobian):
 
 
 @subroutine
+def offset_jacobian(body, pose, jacobian):
+    """Compute the derivatives of the offset of each node from its parent; those of a root are of its position.
+
+    A node moves with all offsets on its way to the root.
+
+    Args:
+        body: a Body.
+        pose: a Pose.
+        jacobian: shape (node, 3, 6), written: derivatives by the root or the increments of the carrier, then by lengths
+            along the axes of the carrier, as many as there are.
+    """
+    offsets, shape_of, signs = body.offsets, body.shape_of, body.signs
+    for n in range(body.parents.shape[0]):
+        columns = jacobian[n]
+        if body.parents[n] < 0:
+            for i in range(3):
+                for j in range(3):
+                    columns[i, j] = 1.0 if i == j else 0.0
+            continue
+        x = _offset_of(offsets, shape_of, signs, pose.shape, n, 0)
+        y = _offset_of(offsets, shape_of, signs, pose.shape, n, 1)
+        z = _offset_of(offsets, shape_of, signs, pose.shape, n, 2)
+        bone = body.is_bone[n] != 0
+        axes = pose.bones[body.carriers[n]] if bone else pose.turns[body.carriers[n]]
+        for i in range(3):
+            if bone:
+                columns[i, 0] = -z * axes[i, 1]
+                columns[i, 1] = z * axes[i, 0]
+            else:
+                columns[i, 0] = axes[i, 2] * y - axes[i, 1] * z
+                columns[i, 1] = axes[i, 0] * z - axes[i, 2] * x
+                columns[i, 2] = axes[i, 1] * x - axes[i, 0] * y
+        c = 2 if bone else 3
+        for axis in range(3):
+            if shape_of[n, axis] >= 0:
+                for i in range(3):
+                    columns[i, c] = signs[n, axis] * axes[i, axis]
+                c += 1
+
+
+@subroutine
 def apply_increment(change, root, turns, bones):
     """Apply an increment, shape (pose,), to a pose in place."""
     for i in range(3):

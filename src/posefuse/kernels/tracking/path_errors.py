@@ -23,16 +23,16 @@ class Innovations(NamedTuple):
 
 
 @kernel
-def weigh_errors(linear, correlation, sharing, out):
+def weigh_errors(linear, correlation, out):
     """Write the innovations for estimates of poses.
 
     An error far beyond the usual ones belongs to a frame of its own; a correlation with it would shift the others. So
-    outliers are hardly correlated.
+    outliers are hardly correlated: the correlation is multiplied by the fourth root of the ratio of the square roots of
+    the weights.
 
     Args:
         linear: LinearObservations.
         correlation: shape (frame,): of the errors of each frame and the frame before.
-        sharing: exponent of the ratio of the weights of two frames, by which their correlation is multiplied.
         out: Innovations, written.
     """
     frames, views, keypoints = linear.precision.shape
@@ -43,7 +43,7 @@ def weigh_errors(linear, correlation, sharing, out):
                 last = linear.precision[t - 1, v, k] if t > 0 else 0.0
                 if own > 0.0 and last > 0.0:
                     ratio = linear.weight[t, v, k] / linear.weight[t - 1, v, k]
-                    link = correlation[t] * min(ratio, 1.0 / ratio) ** sharing
+                    link = correlation[t] * math.sqrt(math.sqrt(min(ratio, 1.0 / ratio)))
                 scale = 1.0 / math.sqrt(1.0 - link * link)
                 out.own[t, v, k] = scale * own
                 out.before[t, v, k] = scale * link * last

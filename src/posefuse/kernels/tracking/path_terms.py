@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from posefuse.kernels.cameras.lens import OK
 from posefuse.kernels.jit import inline, kernel, subroutine
 from posefuse.kernels.linear_algebra.rotations import rotate, rotation_between
-from posefuse.kernels.tracking.body_kinematics import apply_increment, locate_nodes, node_jacobian
+from posefuse.kernels.tracking.body_kinematics import apply_increment, locate_nodes, offset_jacobian
 from posefuse.kernels.tracking.joint_limits import TWIST, add_limit, add_twist
 from posefuse.kernels.tracking.point_projection import project_node, squared_px_per_m
 from posefuse.kernels.tracking.records import Pose
@@ -27,7 +27,8 @@ class LinearObservations(NamedTuple):
         precision: shape (frame, view, keypoint): inverse standard deviation of the error, weighted, 1/px; 0 for none.
         weight: shape (frame, view, keypoint): square root of the weight of the Student t distribution.
         squared: shape (frame, view, keypoint): squared error in units of the variance per axis.
-        jacobian: shape (frame, keypoint, 3, pose + shape): derivatives of the points.
+        offsets: shape (frame, node, 3, 6): derivatives of the offset of each node from its parent, by the numbers in
+            ``columns`` of :class:`PathScratch`.
     """
 
     residual_px: Any
@@ -35,7 +36,7 @@ class LinearObservations(NamedTuple):
     precision: Any
     weight: Any
     squared: Any
-    jacobian: Any
+    offsets: Any
 
 
 class PathSystem(NamedTuple):
@@ -55,10 +56,20 @@ class PathSystem(NamedTuple):
 
 
 class PathScratch(NamedTuple):
-    """Scratch arrays: nodes (node, 3), their Jacobian (node, 3, pose + shape), and 3 x 3, 3 x 3, 3, 3 x m arrays."""
+    """Scratch arrays.
 
+    Attributes:
+        columns: shape (node, 6), int64: the numbers on which the offset of each node depends, those of the pose first;
+            -1 beyond the last. It is not written.
+        nodes: shape (node, 3): points.
+        own, link: shape (node, 3, 3): what the keypoints that a node carries add to the equations of its point, and to
+            those that link it to the frame before.
+        force: shape (node, 3): what they add to the gradient.
+        weighted: shape (3, 6).
+    """
+
+    columns: Any
     nodes: Any
-    jacobian: Any
     own: Any
     link: Any
     force: Any
@@ -80,12 +91,11 @@ def linearize_path(cameras, body, error_model, state, keypoints_px, variance_px2
         out: LinearObservations, written.
     """
     frames, views, keypoints = variance_px2.shape
-    n = state.velocity.shape[1]
     floor = error_model.floor_m * error_model.floor_m
     for t in range(frames):
         pose = Pose(state.root[t], state.turns[t], state.bones[t], state.shape[t])
         locate_nodes(body, pose, scratch.nodes)
-        node_jacobian(body, pose, n, scratch.jacobian)
+        offset_jacobian(body, pose, out.offsets[t])
         for k in range(keypoints):
             node = body.keypoint_nodes[k]
             for v in range(views):
@@ -108,10 +118,6 @@ def linearize_path(cameras, body, error_model, state, keypoints_px, variance_px2
                 row = out.rows[t, v, k]
                 row[0, 0], row[0, 1], row[0, 2] = view[3], view[4], view[5]
                 row[1, 0], row[1, 1], row[1, 2] = view[6], view[7], view[8]
-            if node >= 0:
-                for i in range(3):
-                    for c in range(scratch.jacobian.shape[2]):
-                        out.jacobian[t, k, i, c] = scratch.jacobian[node, i, c]
 
 
 @kernel
@@ -125,33 +131,50 @@ def add_observations(body, linear, innovations, scratch, system):
         scratch: PathScratch.
         system: PathSystem, in and out.
     """
-    frames, views, keypoints = linear.precision.shape
-    m = system.gradient.shape[1]
-    own, link, force = scratch.own, scratch.link, scratch.force
+    frames, m = system.gradient.shape
     for t in range(frames):
-        for k in range(keypoints):
-            node = body.keypoint_nodes[k]
-            if node < 0:
-                continue
-            for i in range(3):
-                force[i] = 0.0
-                for j in range(3):
-                    own[i, j] = 0.0
-                    link[i, j] = 0.0
-            linked = False
-            for v in range(views):
-                if linear.precision[t, v, k] > 0.0:
-                    linked |= _add_view(linear, innovations, t, v, k, scratch)
-            here = linear.jacobian[t, k]
-            _add_gradient(body, node, here, force, m, system.gradient[t])
-            _add_block(body, node, here, here, own, scratch.weighted, True, system.diagonal[t])
-            if linked:
-                before = linear.jacobian[t - 1, k]
-                _add_block(body, node, here, before, link, scratch.weighted, False, system.next[t])
+        linked = _sum_views(body, linear, innovations, t, scratch)
+        here, before = linear.offsets[t], linear.offsets[max(t - 1, 0)]
+        for node in range(len(body.parents)):
+            own = scratch.own[node]
+            if own[0, 0] + own[1, 1] + own[2, 2] > 0.0:
+                _add_gradient(node, here, scratch, m, system.gradient[t])
+                _add_own(body, node, here, scratch, system.diagonal[t])
+                if linked:
+                    _add_link(body, node, here, before, scratch, system.next[t])
 
 
 @subroutine
-def _add_view(linear, innovations, t, v, k, scratch):
+def _sum_views(body, linear, innovations, t, scratch):
+    """Sum the detections of a frame over the keypoints that each node carries.
+
+    Returns:
+        Whether any is correlated with the one before.
+    """
+    own, link, force = scratch.own, scratch.link, scratch.force
+    own[:] = 0.0
+    link[:] = 0.0
+    force[:] = 0.0
+    linked = False
+    for k in range(linear.precision.shape[2]):
+        node = body.keypoint_nodes[k]
+        if node >= 0:
+            for v in range(linear.precision.shape[1]):
+                if linear.precision[t, v, k] > 0.0:
+                    linked |= _add_view(linear, innovations, t, v, k, own[node], link[node], force[node])
+    for node in range(len(body.parents) - 1, 0, -1):
+        parent = body.parents[node]
+        if parent >= 0:
+            for i in range(3):
+                force[parent, i] += force[node, i]
+                for j in range(3):
+                    own[parent, i, j] += own[node, i, j]
+                    link[parent, i, j] += link[node, i, j]
+    return linked
+
+
+@subroutine
+def _add_view(linear, innovations, t, v, k, own_sum, link_sum, force):
     """Add one detection, correlated with those before and after it, to the equations of a point.
 
     Returns:
@@ -166,14 +189,14 @@ def _add_view(linear, innovations, t, v, k, scratch):
         o = -own * before
         e += o * residual[t - 1, v, k, 0]
         f += o * residual[t - 1, v, k, 1]
-        _add_outer(row, linear.rows[t - 1, v, k], o, scratch.link)
+        _add_outer(row, linear.rows[t - 1, v, k], o, link_sum)
     if after > 0.0:
         o = -innovations.own[t + 1, v, k] * after
         e += o * residual[t + 1, v, k, 0]
         f += o * residual[t + 1, v, k, 1]
-    _add_outer(row, row, d, scratch.own)
+    _add_outer(row, row, d, own_sum)
     for i in range(3):
-        scratch.force[i] += row[0, i] * e + row[1, i] * f
+        force[i] += row[0, i] * e + row[1, i] * f
     return before > 0.0
 
 
@@ -185,32 +208,90 @@ def _add_outer(left, right, factor, out):
             out[i, j] += factor * (left[0, i] * right[0, j] + left[1, i] * right[1, j])
 
 
-@subroutine
-def _add_gradient(body, node, jacobian, force, m, gradient):
-    """Add the force on a point to the gradient."""
-    for b in range(body.starts[node], body.starts[node + 1]):
-        i = body.columns[b]
-        if i >= m:
-            break
-        gradient[i] += jacobian[0, i] * force[0] + jacobian[1, i] * force[1] + jacobian[2, i] * force[2]
+@inline
+def _column(columns, node, p, m):
+    """Return the place of the ``p``-th number of a node among the ``m`` unknowns, or -1."""
+    i = columns[node, p] if p < columns.shape[1] else -1
+    return i if i < m else -1
 
 
 @subroutine
-def _add_block(body, node, left, right, inner, weighted, lower, out):
-    """Add ``left^T inner right`` for the columns of a node, or its lower triangle only."""
-    first, last, m = body.starts[node], body.starts[node + 1], out.shape[0]
-    while last > first and body.columns[last - 1] >= m:
-        last -= 1
-    for b in range(first, last):
-        j = body.columns[b]
-        for i in range(3):
-            weighted[i, j] = inner[i, 0] * right[0, j] + inner[i, 1] * right[1, j] + inner[i, 2] * right[2, j]
-    for b in range(first, last):
-        i = body.columns[b]
-        x, y, z = left[0, i], left[1, i], left[2, i]
-        for c in range(first, b + 1 if lower else last):
-            j = body.columns[c]
-            out[i, j] += x * weighted[0, j] + y * weighted[1, j] + z * weighted[2, j]
+def _add_gradient(node, offsets, scratch, m, gradient):
+    """Add the force on the keypoints that a node carries."""
+    force, offset = scratch.force[node], offsets[node]
+    p, i = 0, _column(scratch.columns, node, 0, m)
+    while i >= 0:
+        gradient[i] += offset[0, p] * force[0] + offset[1, p] * force[1] + offset[2, p] * force[2]
+        p += 1
+        i = _column(scratch.columns, node, p, m)
+
+
+@subroutine
+def _weigh(inner, offset, transposed, weighted):
+    """Write ``inner offset``, or ``inner^T offset``."""
+    for i in range(3):
+        x, y, z = inner[i, 0], inner[i, 1], inner[i, 2]
+        if transposed:
+            x, y, z = inner[0, i], inner[1, i], inner[2, i]
+        for c in range(offset.shape[1]):
+            weighted[i, c] = x * offset[0, c] + y * offset[1, c] + z * offset[2, c]
+
+
+@subroutine
+def _add_own(body, node, offsets, scratch, out):
+    """Add the products of the offset of a node with itself and with those on its way to the root, lower triangle."""
+    columns, weighted, m = scratch.columns, scratch.weighted, out.shape[0]
+    _weigh(scratch.own[node], offsets[node], False, weighted)
+    other = node
+    while other >= 0:
+        right = offsets[other]
+        p, i = 0, _column(columns, node, 0, m)
+        while i >= 0:
+            q, j = 0, _column(columns, other, 0, m)
+            while j >= 0:
+                value = weighted[0, p] * right[0, q] + weighted[1, p] * right[1, q] + weighted[2, p] * right[2, q]
+                # Both orders of two different numbers are entries of the matrix, of which one is stored.
+                if other != node or q < p:
+                    out[max(i, j), min(i, j)] += value if i != j else 2.0 * value
+                elif q == p:
+                    out[i, i] += value
+                q += 1
+                j = _column(columns, other, q, m)
+            p += 1
+            i = _column(columns, node, p, m)
+        other = body.parents[other]
+
+
+@subroutine
+def _add_link(body, node, here, before, scratch, out):
+    """Add the same for rows of this frame and columns of the frame before, all entries."""
+    _weigh(scratch.link[node], here[node], True, scratch.weighted)
+    _add_products(body, node, node, before, scratch, False, out)
+    _weigh(scratch.link[node], before[node], False, scratch.weighted)
+    _add_products(body, node, body.parents[node], here, scratch, True, out)
+
+
+@subroutine
+def _add_products(body, node, first, offsets, scratch, transposed, out):
+    """Add the products of the weighted offset of a node with those from ``first`` to the root; or their transpose."""
+    columns, weighted, m = scratch.columns, scratch.weighted, out.shape[0]
+    other = first
+    while other >= 0:
+        right = offsets[other]
+        p, i = 0, _column(columns, node, 0, m)
+        while i >= 0:
+            q, j = 0, _column(columns, other, 0, m)
+            while j >= 0:
+                value = weighted[0, p] * right[0, q] + weighted[1, p] * right[1, q] + weighted[2, p] * right[2, q]
+                if transposed:
+                    out[j, i] += value
+                else:
+                    out[i, j] += value
+                q += 1
+                j = _column(columns, other, q, m)
+            p += 1
+            i = _column(columns, node, p, m)
+        other = body.parents[other]
 
 
 @kernel

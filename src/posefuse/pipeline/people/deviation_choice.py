@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.model.cameras import Camera
-from posefuse.pipeline.people.keypoint_deviations import Residuals
+from posefuse.pipeline.people.keypoint_deviations import deviating_points
 from posefuse.skeleton.skeletons import Skeleton
 
 _SHARES = (0.0, 0.002, 0.004, 0.008, 0.016, 0.032, 0.064, 0.128)
@@ -50,12 +50,11 @@ class LeftOutSample:
         Args:
             sds_m: shape (choice,): standard deviations of the deviations of all keypoints.
         """
-        residuals = Residuals.of(self.body_m, self.measured_m, self.covariance_m2)
+        body = self.body_m, np.zeros_like(self.covariance_m2)
         errors = np.empty((len(sds_m), *self.pixels.shape[:-1]))
         for i, sd_m in enumerate(sds_m):
-            points = self.body_m.copy()
-            gains = residuals.gains(np.full(len(residuals.along_m), sd_m**2))
-            points[residuals.exists] += residuals.deviations_m(gains)
+            everywhere = np.full(self.pixels.shape[2], sd_m)
+            points, _ = deviating_points(body, (self.measured_m, self.covariance_m2), everywhere)
             errors[i] = np.linalg.norm(self.camera.project(points)[0] - self.pixels, axis=-1)
         return errors
 
@@ -101,8 +100,8 @@ def describe_deviations(skeleton: Skeleton, sd_m: np.ndarray) -> str:
     named = ", ".join(f"{skeleton.keypoints[k]} {1000.0 * sd_m[k]:.3g}" for k in most)
     verb = "deviates" if len(free) == 1 else "deviate"
     return (
-        f"In the model layer, {len(free)} of {len(skeleton)} keypoints {verb} from the fitted bodies, because this "
-        f"predicts left-out views better. The largest standard deviations in mm: {named}."
+        f"In the model layer, {len(free)} of {len(skeleton)} keypoints {verb} from the fitted bodies: points "
+        f"with deviations predict left-out views better. The largest standard deviations in mm: {named}."
     )
 
 

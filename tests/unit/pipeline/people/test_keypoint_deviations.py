@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from posefuse.model.reconstruction import pack_covariance, unpack_covariance
 from posefuse.pipeline.people.keypoint_deviations import deviating_points
+from tests.reference import keypoint_deviations as naive
 
 INSIDE_68, INSIDE_95 = 3.506, 7.815
 
@@ -16,6 +17,17 @@ def points_of(rng, shape, sd_m):
     factors = sd_m * (np.eye(3) + 0.3 * rng.standard_normal((*shape, 3, 3)))
     covariance = factors @ np.swapaxes(factors, -1, -2)
     return np.einsum("...ij,...j->...i", factors, rng.standard_normal((*shape, 3))), pack_covariance(covariance)
+
+
+@pytest.mark.no_jit
+@pytest.mark.parametrize(("own_m", "noise_m", "sd_m"), [(0.01, 0.02, 0.03), (0.01, 1.0, 0.001), (1e-6, 1e-6, 1e-5)])
+def test_deviations_equal_the_naive_ones(own_m, noise_m, sd_m, rng):
+    body, measured = points_of(rng, (6, 2, 4), own_m), points_of(rng, (6, 2, 4), noise_m)
+    sds_m = sd_m * np.array([0.5, 1.0, 2.0, 4.0])
+    for found, expected in zip(
+        deviating_points(body, measured, sds_m), naive.deviating_points(body, measured, sds_m), strict=True
+    ):
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
 def test_rigid_keypoints_do_not_change(rng):
