@@ -67,6 +67,8 @@ def with_systematic_errors(
         return noise
     candidates = np.ones(len(rig), dtype=bool)
     found = leave_one_out_points(rig, samples.large, layer, noise, choose=has_three_views)
+    if not len(found.frame):
+        return noise
     common_px2 = float(np.median(noise.scale_px)) ** 2
     while candidates.any():
         # The largest error first: the left-out views of the other cameras show a part of it.

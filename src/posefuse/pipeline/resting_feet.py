@@ -26,6 +26,8 @@ _SHIFT_SD_M, _TURN_SD, _FIT_SD_M = 0.03, 0.15, 0.002
 """Standard deviations of the shift of a foot, of its turn in rad, and of what a rigid foot does not explain."""
 _LEAST_WEIGHT = 0.02
 """Weight of a keypoint of the foot that is not in contact."""
+_LARGEST_MOVE_SD = 2.5
+"""Largest move in standard deviations of the point: a foot that would have to move more does not rest."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,7 @@ def _move_m(
     """Return by how much a keypoint of the foot moves, shape (frame, 3), and its weight, shape (frame,).
 
     The errors of its path are correlated in time. Their most probable values make it rest on the ground while it is in
-    contact, and vanish with the correlation before and after.
+    contact, and vanish with the correlation before and after. Moves beyond what errors explain are shortened.
     """
     known = np.asarray(np.isfinite(path_m).all(axis=1))
     moves, weight = np.zeros_like(path_m), np.where(known, np.maximum(contact.touching[c], _LEAST_WEIGHT), 0.0)
@@ -115,7 +117,9 @@ def _move_m(
     bands[1] += support
     above = support * (terms.heights_m[c] - path @ terms.normal)
     along = solveh_banded(bands, right @ terms.normal + above)
-    return moves + (along - moves @ terms.normal)[:, None] * terms.normal, weight
+    moves += (along - moves @ terms.normal)[:, None] * terms.normal
+    longest_m = _LARGEST_MOVE_SD * sd_m
+    return moves * (longest_m / np.maximum(np.linalg.norm(moves, axis=1), longest_m))[:, None], weight
 
 
 def _leg(part: Reconstruction, poses: Poses, side: str) -> _Leg:

@@ -22,8 +22,6 @@ from posefuse.tracking.body_states import ProjectedBodies, select_states
 from posefuse.tracking.frame_clock import differ_in_time, view_times
 from posefuse.tracking.settings import TrackerSettings, correlation_factor, tempering_factor
 
-_CHECK_S = 0.4
-"""Time between two comparisons of a body's lengths with the views."""
 _WINDOW, _MIN_CHECKS, _MAX_AGE_S = 6, 4, 4.0
 """Number of comparisons that are taken together, the fewest, and the time after which they are dropped."""
 _PRIOR_CHECKS = 4.0
@@ -218,11 +216,6 @@ def _tilts(tree: Tree) -> np.ndarray:
     for node in bones:
         tilts[first + 2 * node.mover : first + 2 * node.mover + 2, node.shape[2]] = 0.5
     return frozen(tilts / np.maximum(np.bincount([n.shape[2] for n in bones], minlength=tree.n_shape), 1))
-
-
-def is_check_due(time_s: float, dt_s: float) -> bool:
-    """Return whether the lengths of all bodies are compared with the views in a frame."""
-    return int(time_s // _CHECK_S) != int((time_s - dt_s) // _CHECK_S)
 
 
 def measure_lengths(

@@ -17,7 +17,7 @@ from posefuse.tracking.body_states import (
     set_state,
     shape_block,
 )
-from posefuse.tracking.bone_lengths import LengthMonitor, is_check_due, measure_lengths, reopen_shape
+from posefuse.tracking.bone_lengths import LengthMonitor, measure_lengths, reopen_shape
 from posefuse.tracking.frame_clock import TIME_TOLERANCE_S
 from posefuse.tracking.pooled_lengths import PooledLengths
 from posefuse.tracking.records import Track
@@ -210,7 +210,7 @@ def _refine_shape(track: Track, state: State, p: int, settings: TrackerSettings)
 
 
 def check_lengths(tracks: list[Track], state: State, outcome: FrameOutcome, settings: TrackerSettings) -> list[Event]:
-    """Compare the bone lengths of all bodies with the views from time to time, refine fixed ones, and note biased ones.
+    """Compare the bone lengths of all bodies with the views, refine fixed ones, and note biased ones.
 
     Lengths that are still estimated are fixed first: the smoother takes the lengths before and after a frame in which
     they are fixed for different ones.
@@ -224,7 +224,7 @@ def check_lengths(tracks: list[Track], state: State, outcome: FrameOutcome, sett
     Returns:
         Bodies whose lengths are estimated again from the next frame on.
     """
-    if settings.options.reopen_shape_sigma is None or not is_check_due(outcome.time_s, outcome.dt_s):
+    if settings.options.reopen_shape_sigma is None:
         return []
     near_m = settings.options.identity_audit.near_m
     apart_m = np.linalg.norm(state.root[:, None] - state.root, axis=-1) + near_m * np.eye(len(tracks))

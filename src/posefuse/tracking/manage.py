@@ -1,5 +1,6 @@
 """Fourth step of the tracker: manage the lifecycle, the cameras, the identities and the initiation of tracks."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from posefuse.model.tracks import TrackState
 from posefuse.tracking.associate import Association, find_unassigned
 from posefuse.tracking.camera_monitor import CameraMonitor, is_occluded
 from posefuse.tracking.doubtful_identities import resolve_doubts, update_doubts
+from posefuse.tracking.frame_clock import TIME_TOLERANCE_S
 from posefuse.tracking.identity_audit import (
     AuditResult,
     Contacts,
@@ -32,6 +34,9 @@ from posefuse.tracking.records import IdentitySwap, PastState
 from posefuse.tracking.strategy import FrameOutcome, TrackerSetup
 from posefuse.tracking.track_set import TentativePool, TrackSet
 from posefuse.tracking.update import Update
+
+_LENGTH_CHECK_S = 0.4
+"""Time between two comparisons of a body's lengths with the views."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,16 +68,28 @@ class Bookkeeping:
         pool: Tentative tracks.
         monitor: Statistics of the cameras.
         contacts: People who are, or recently were, close to each other.
+        lengths_checked_s: Time at which bone lengths were last compared with the views, in seconds; NaN before the
+            first frame.
     """
 
     pool: TentativePool
     monitor: CameraMonitor
     contacts: Contacts
+    lengths_checked_s: float = math.nan
 
     @classmethod
     def new(cls, n_views: int) -> "Bookkeeping":
         """Return the records before the first frame."""
         return cls(TentativePool(), CameraMonitor.new(n_views), {})
+
+    def begins_length_check(self, time_s: float) -> bool:
+        """Return whether bone lengths are compared with the views at this time; if so, note the time."""
+        # Differences of times, so that results do not depend on the origin of the clock.
+        if time_s - self.lengths_checked_s < _LENGTH_CHECK_S - TIME_TOLERANCE_S:
+            return False
+        is_first = math.isnan(self.lengths_checked_s)
+        self.lengths_checked_s = time_s
+        return not is_first
 
 
 def manage(
@@ -102,6 +119,8 @@ def manage(
         should_show & frame.frame.recorded,
     )  # fmt: skip
     events += _update_lifecycle(tracks, outcome, prediction, rejected, setup)
+    if book.begins_length_check(frame.time_s):
+        events += check_lengths(tracks.tracks, tracks.state, outcome, s)
     remaining, ended = _terminate(tracks, frame, prediction, setup)
     events += ended
     outcome = outcome.select(remaining)
@@ -151,7 +170,7 @@ def _update_lifecycle(
         )  # fmt: skip
         events += [Event(outcome.frame.number, outcome.time_s, track.name, *change) for change in changes]
         fix_shape(track, tracks.state, p, outcome.time_s, outcome.dt_s, s)
-    return events + check_lengths(tracks.tracks, tracks.state, outcome, s)
+    return events
 
 
 def _reliable_views(

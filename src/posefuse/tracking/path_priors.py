@@ -108,7 +108,7 @@ def estimate_priors(history: History, settings: TrackerSettings, uncertain: bool
     if not any(body.fits for body in bodies.values()):
         return None
     typical = np.maximum(_INITIAL_SHARE * settings.power, _MIN_POWER)
-    motion = PathMotion(settings.decay_s, typical)
+    motion, alike = PathMotion(settings.decay_s, typical), _alike_numbers(settings)
     evidence = None
     for _ in range(_ROUNDS):
         prior = _PRIOR_DEVIATIONS * np.ones(len(typical))
@@ -116,7 +116,8 @@ def estimate_priors(history: History, settings: TrackerSettings, uncertain: bool
         for body in bodies.values():
             for each in body.step(motion):
                 evidence += each
-        motion = PathMotion(settings.decay_s, motion.power * evidence.squares / evidence.determined)
+        squares, determined = (np.bincount(alike, each)[alike] for each in (evidence.squares, evidence.determined))
+        motion = PathMotion(settings.decay_s, motion.power * squares / determined)
     assert evidence is not None
     weights, squares, slopes = evidence.errors
     inflation = float(weights * squares / slopes**2)
@@ -133,6 +134,20 @@ def estimate_priors(history: History, settings: TrackerSettings, uncertain: bool
             found = BodyLengths(sample.start, body.shape_m, covariance_m2)
             lengths.setdefault(sample.number, []).append(found)
     return PathPriors(motion, inflation, lengths)
+
+
+def _alike_numbers(settings: TrackerSettings) -> np.ndarray:
+    """Return for each number of the pose the first one with the same spectral density, shape (pose,), int64.
+
+    The axes of the world across the vertical, and those of a bone across its direction, are arbitrary: with densities
+    of their own, a turned world would change the poses.
+    """
+    tree, up = settings.tree, settings.up
+    alike, first_tilt = np.arange(tree.n_pose), 3 + 3 * len(tree.segments)
+    vertical = np.zeros(3, dtype=bool) if up is None else np.abs(up) > 0.5
+    alike[:3][~vertical] = np.flatnonzero(~vertical)[0]
+    alike[first_tilt + 1 :: 2] = alike[first_tilt::2]
+    return alike
 
 
 def begin_priors(history: History, jobs: Jobs) -> Callable[[], PathPriors | None] | None:

@@ -12,7 +12,8 @@ from posefuse.trajectory.bones import Bones
 from posefuse.trajectory.paths import PersonPriors
 
 _STOPPING = Stopping(max_iterations=30, tolerance=1e-3, negligible=1e-3)
-"""Larger errors than 0.001 standard deviations per coordinate would show as seams between windows."""
+"""The error of all coordinates of a group of keypoints is 0.001 standard deviations in the root mean square; a single
+coordinate may err by up to 0.2."""
 
 _BONE_REACH = 3.0
 """Distance, in standard deviations of length and views, at which a bone holds a quarter as tightly."""

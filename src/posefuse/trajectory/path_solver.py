@@ -210,6 +210,9 @@ class PathSolver:
         if self.contact is not None:
             add_contact(self.contact.terms(observed.time_s), paths.paths_m, system)
         variance = typical_variance(system.information, seen)
+        if person_priors.variance_m2 is not None:
+            # That of the recording: consecutive ranges of frames join without kinks.
+            variance = np.where(np.isfinite(person_priors.variance_m2), person_priors.variance_m2, variance)
         prior = bone_prior(self.bones, person_priors, variance, observed.step_s)
         steps, covariance, traces = solve_system(self.bones, prior, alive, paths.paths_m, system)
         moved = np.empty(paths.paths_m.shape)

@@ -38,6 +38,8 @@ class PersonPriors:
         inflation: shape (keypoint,): variance of white errors by which paths weight the views, relative to that of the
             errors; None for 1.
         error_variance: variance of the errors relative to the noise model, its spread and their level.
+        variance_m2: shape (keypoint,): typical variance of a point from a single frame, as paths weight it; None or NaN
+            takes that of the frames that are solved.
     """
 
     density: np.ndarray
@@ -51,14 +53,16 @@ class PersonPriors:
     roughness_m2: np.ndarray | None = None
     inflation: np.ndarray | None = None
     error_variance: float = 1.0
+    variance_m2: np.ndarray | None = None
 
     def of_keypoints(self, keypoints: np.ndarray, bones: np.ndarray) -> Self:
         """Return the parameters of some keypoints and of the bones between them."""
-        roughness, inflation = self.roughness_m2, self.inflation
+        roughness, inflation, variance = self.roughness_m2, self.inflation, self.variance_m2
         return replace(
             self, density=self.density[keypoints], length_m=self.length_m[bones], length_sd_m=self.length_sd_m[bones],
             roughness_m2=None if roughness is None else roughness[keypoints],
             inflation=None if inflation is None else inflation[keypoints],
+            variance_m2=None if variance is None else variance[keypoints],
         )  # fmt: skip
 
 

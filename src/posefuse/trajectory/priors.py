@@ -60,6 +60,8 @@ class RecordingPriors(PickledByFields):
         inflation: shape (person, keypoint): variance of white errors by which paths weight the views, relative to that
             of the errors; NaN if unknown.
         error_variance: shape (person,): variance of the errors relative to the noise model, its spread and their level.
+        variance_m2: shape (person, keypoint): typical variance of a point from a single frame, as paths weight it; NaN
+            where unknown.
     """
 
     density: np.ndarray
@@ -75,10 +77,11 @@ class RecordingPriors(PickledByFields):
     roughness_m2: np.ndarray
     inflation: np.ndarray
     error_variance: np.ndarray
+    variance_m2: np.ndarray
 
     def __post_init__(self) -> None:
         names = ("density", "length_m", "length_sd_m", "innovation_scale", "scale_strength", "size_m")
-        for name in (*names, "time_constant_s", "roughness_m2", "inflation", "error_variance"):
+        for name in (*names, "time_constant_s", "roughness_m2", "inflation", "error_variance", "variance_m2"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
     def of(self, person: int, spread: float) -> PersonPriors:
@@ -96,6 +99,7 @@ class RecordingPriors(PickledByFields):
             None if np.isnan(rough).any() else rough,
             np.where(np.isfinite(self.inflation[person]), self.inflation[person], 1.0),
             float(self.error_variance[person]),
+            self.variance_m2[person],
         )
 
 
@@ -156,6 +160,7 @@ def estimate_priors(parts: Iterable[MeasuredRange], skeleton: Skeleton, options:
         roughness_m2=np.full((len(sums), len(skeleton)), np.nan),
         inflation=np.stack([each.inflation for each in sums]),
         error_variance=np.array([each.errors[2] for each in sums]),
+        variance_m2=np.stack([each.variance_m2 for each in sums]),
     )
 
 
@@ -177,6 +182,7 @@ class _PersonStatistics:
         self._determined = np.zeros(keypoints)
         self._weighted_time_constant = np.zeros(keypoints)
         self._weighted_inflation = np.zeros(keypoints)
+        self._weighted_variance = np.zeros(keypoints)
         self._count = np.zeros(n_bones)
         self._length = np.zeros(n_bones)
         self._square = np.zeros(n_bones)
@@ -204,6 +210,7 @@ class _PersonStatistics:
         self._weighted_time_constant += np.where(information > 0.0, information * time_constant, 0.0)
         inflation = person_priors.error_variance * solver.spectrum(person_priors).power(time_constant)
         self._weighted_inflation += np.where(information > 0.0, information * inflation, 0.0)
+        self._weighted_variance += np.where(information > 0.0, information * paths.variance_m2, 0.0)
         self._add_lengths(paths, bones)
         self._add_size(paths)
 
@@ -259,6 +266,11 @@ class _PersonStatistics:
     def inflation(self) -> np.ndarray:
         """Inflation of the variances, shape (keypoint,)."""
         return _filled(self._weighted_inflation, self._determined)
+
+    @property
+    def variance_m2(self) -> np.ndarray:
+        """Typical variance of a point from a single frame, as paths weight it, shape (keypoint,)."""
+        return _filled(self._weighted_variance, self._determined)
 
     def lengths(
         self, rigid: np.ndarray, prior: LengthPrior, correlation_s: float, options: TrajectoryOptions

@@ -80,3 +80,13 @@ def test_intact_cameras_keep_equal_noise(seed):
     noise = _solve(data.rig, data.detections).noise
     assert noise is not None
     assert np.ptp(noise.scale_px) == 0.0
+
+
+def test_points_of_two_of_five_views_show_no_systematic_error():
+    data = _scene(5, 0)
+    detections = data.detections
+    view = np.repeat(np.tile(np.arange(5), detections.n_frames), np.diff(detections.offsets))
+    keypoints = np.array(detections.keypoints_px)
+    keypoints[view > 1] = np.nan
+    result = _solve(data.rig, replace(detections, keypoints_px=keypoints))
+    assert (result.noise.scale_px == result.noise.scale_px[0]).all()

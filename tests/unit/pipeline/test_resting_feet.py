@@ -7,8 +7,10 @@ import pytest
 
 from posefuse.model.options.options import Options
 from posefuse.pipeline.reconstruct import reconstruct
+from posefuse.pipeline.resting_feet import _move_m
 from posefuse.synthetic.gait_plans import WalkPlan, walk
 from posefuse.synthetic.gait_scenes import GaitSceneOptions, simulate_gait
+from posefuse.trajectory.ground_contact import GroundContact
 
 PLAN, RATE_HZ = WalkPlan(strides=3, start_m=(-2.0, 0.0)), 60.0
 SCENE = simulate_gait(walk(PLAN), PLAN.duration_s, GaitSceneOptions(seed=3, rate_hz=RATE_HZ))
@@ -73,6 +75,18 @@ def test_errors_are_those_of_the_moved_points():
         pixels = np.asarray(SCENE.detections.keypoints_px)[rows[seen, view], ankle]
         own = np.linalg.norm(camera.project(np.asarray(layer.points_m)[seen, 0, ankle])[0] - pixels, axis=1)
         assert np.asarray(layer.view_error_px)[seen, 0, ankle, view] == pytest.approx(own, rel=1e-4, nan_ok=True)
+
+
+def test_a_foot_that_slides_far_does_not_rest():
+    """Contact that contradicts the views by many standard deviations moves points by no more than errors explain."""
+    time_s, sd_m = np.arange(120) / RATE_HZ, 0.01
+    sliding = np.zeros((120, 3))
+    sliding[:, 0] = 1.2 * time_s
+    keypoint = KEYPOINTS.index("left_heel")
+    ones, up = np.ones((1, 120)), np.array([0.0, 0.0, 1.0])
+    contact = GroundContact((keypoint,), ones, ones, np.zeros(3), up, 0.0 * ones, 0.01)
+    moves, _ = _move_m(contact, 0, time_s, sliding, sd_m)
+    assert 0.5 * sd_m < np.linalg.norm(moves, axis=1).max() <= 2.5 * sd_m * (1.0 + 1e-9)
 
 
 def test_the_upper_body_stays():

@@ -53,6 +53,7 @@ def priors_of(
         roughness_m2=np.zeros((1, keypoints)),
         inflation=np.full((1, keypoints), inflation),
         error_variance=np.ones(1),
+        variance_m2=np.full((1, keypoints), np.nan),
     )
 
 

@@ -342,7 +342,7 @@ def _write_result(result: Reconstruction, people: Sequence[str], path: Path, lay
 FORMAT = ResultFormat(
     name="netcdf",
     files="reconstruction.nc",
-    conventions="netCDF-4; meters, world axes; every layer and field; lossless",
+    conventions="netCDF-4; meters, world axes; every layer and field; rounded far below the uncertainty",
     holds_stills=True,
     endings=(".nc",),
     holds_every_layer=True,

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from posefuse.model.joint_angles import JointAngles
-from posefuse.model.reconstruction import Layer, Reconstruction
+from posefuse.model.reconstruction import Layer, Reconstruction, unpack_covariance
 from posefuse.model.track_events import Poses
 
 MAX_STEP = 2.0**-20
@@ -47,6 +47,8 @@ PRECISION = {
 _FLOAT32_BITS = 23
 _DIAGONAL = [0, 3, 5]
 """Variances among the entries of a covariance."""
+_CANCELING_SHARE, _ROUNDING_SHARE = 1e-6, 1e-15
+"""Shares of the sum of the variances: below the first, the smallest one is computed exactly, within the second."""
 
 
 def rounded(result: Reconstruction) -> Reconstruction:
@@ -97,7 +99,8 @@ def rounded_angles(angles: JointAngles) -> JointAngles:
 def smallest_variance(covariance: np.ndarray) -> np.ndarray:
     """Return a lower bound of the smallest eigenvalue, shape (...); not above 0 or NaN where there is none.
 
-    The bound, the determinant divided by the sum of the principal minors, is at least a third of the eigenvalue.
+    The bound, the determinant divided by the sum of the principal minors, is at least a third of the eigenvalue. Where
+    it is so small that digits cancel, it is the eigenvalue; one of 0 within rounding errors counts as positive.
 
     Args:
         covariance: shape (..., 6): xx xy xz yy yz zz.
@@ -105,8 +108,18 @@ def smallest_variance(covariance: np.ndarray) -> np.ndarray:
     xx, xy, xz, yy, yz, zz = np.moveaxis(covariance, -1, 0)
     first, second, third = yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy
     determinant = xx * first - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
+    trace = xx + yy + zz
     with np.errstate(divide="ignore", invalid="ignore"):
-        return determinant / (first + second + third)
+        minors = first + second + third
+        bound = determinant / minors
+        cancels = (bound < _CANCELING_SHARE * trace) | (minors < _CANCELING_SHARE * trace**2)
+    cancels = np.asarray(cancels & np.isfinite(covariance).all(axis=-1) & (trace > 0.0))
+    if cancels.any():
+        scale = trace[cancels]
+        shares = np.linalg.eigvalsh(unpack_covariance(covariance[cancels] / scale[:, None]))[:, 0]
+        bound = np.array(bound)
+        bound[cancels] = scale * np.where(shares > -_ROUNDING_SHARE, np.maximum(shares, _ROUNDING_SHARE), shares)
+    return bound
 
 
 def to_digits(values: np.ndarray, bits: int) -> np.ndarray:

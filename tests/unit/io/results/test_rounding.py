@@ -31,6 +31,19 @@ def with_points(result, points_m, covariance):
     )
 
 
+@pytest.mark.parametrize("condition", [1e6, 1e8, 1e9, 1e10, 1e12, 1e15])
+def test_nearly_singular_covariances_stay_positive_definite(condition, rng, frame_result):
+    turns = np.linalg.qr(rng.normal(size=(300, 3, 3)))[0]
+    values = np.array([1.0, 1.0 / condition, 1.0 / condition])
+    covariance = pack_covariance(turns * values @ np.swapaxes(turns, 1, 2))
+    for scale in (1e-12, 1.0, 1e6):
+        for each in scale * covariance[:100]:
+            stored = rounded(with_points(frame_result, np.ones(3), each[None])).layers["measured"].covariance_m2
+            eigenvalues = np.linalg.eigvalsh(unpack_covariance(stored[0, 0, 0].astype(np.float64)))
+            assert eigenvalues[0] > 0.0
+            assert eigenvalues[2] == pytest.approx(scale, rel=0.02)
+
+
 class TestRounding:
     @pytest.mark.parametrize(("ratio", "limit"), [(1.0, 0.01), (10.0, 0.01), (300.0, 0.01), (1000.0, 0.05)])
     def test_standard_deviations_in_every_direction_stay_within_the_stated_share(self, ratio, limit, frame_result):
