@@ -451,6 +451,7 @@ def test_deep_inspection_of_one_camera_states_that_nothing_was_checked(tmp_path,
     [
         (("report",), "RESULT is missing. posefuse report --help describes it."),
         (("plot", "out"), "--output is missing. posefuse plot --help describes it."),
+        (("plot", "out", "--outptu", "figures"), "Unknown option: --outptu. Did you mean '--output'?"),
         (("calibrate", "a", "b", "-o", "c.toml"), "Unexpected: 'b'. posefuse calibrate --help"),
         (("inspect", "absent"), "This folder is empty."),
         (("inspect", "s3://bucket/take_1"), "error: s3://bucket/take_1 is a URL, which only posefuse batch"),
@@ -483,7 +484,7 @@ def test_an_interruption_is_stated(command, resumes, run, tmp_path, monkeypatch)
             monkeypatch.setattr(module, "must_exist", interrupt)
     code, _, err = run(command, tmp_path / "absent", *(["-o", tmp_path / "out"] if command == "detect" else []))
     assert code == 130
-    assert "Interrupted; no incomplete result remains." in err
+    assert "Interrupted; no result was written." in err
     assert ("The same command resumes." in " ".join(err.split())) == resumes
 
 

@@ -3,10 +3,11 @@
 import os
 from collections.abc import Sequence
 from dataclasses import replace
+from glob import glob
 from pathlib import Path
 
 from posefuse.batch.stored_result import UPLOAD_MARK
-from posefuse.errors import OptionsError, choices
+from posefuse.errors import FileError, OptionsError, choices
 from posefuse.io.files import CHECKPOINT_FOLDER, RUN_FILE, must_exist
 from posefuse.io.object_stores import checked_url, is_url, joined, matching_folders, name_of, parents_of, read_stored
 from posefuse.model.batch import Job, JobTreatment, Place
@@ -20,7 +21,7 @@ RESERVED = (TABLE, PAGE)
 
 
 def places_of(texts: Sequence[str]) -> list[Place]:
-    """Return the recordings that a user names: paths, URLs, and URLs with ``*`` in place of names.
+    """Return the recordings that a user names: paths and URLs, with ``*`` in place of names.
 
     Raises:
         FileError: if no folder matches a pattern.
@@ -32,7 +33,20 @@ def places_of(texts: Sequence[str]) -> list[Place]:
             url = checked_url(text)
             found += matching_folders(url) if "*" in url else [url]
         else:
-            found.append(Path(text))
+            path = Path(text)
+            found += [path] if "*" not in text or path.exists() else _matching_paths(text)
+    return found
+
+
+def _matching_paths(pattern: str) -> list[Path]:
+    """Return the folders that match a quoted pattern, in order.
+
+    Raises:
+        FileError: if there is none.
+    """
+    found = [path for path in map(Path, sorted(glob(pattern))) if path.is_dir()]
+    if not found:
+        raise FileError(f"No folder matches {pattern}.")
     return found
 
 

@@ -19,6 +19,7 @@ _LOCAL_OPTIONS: dict[str, Any] = {
 }
 """Workers are processes without a limit of memory, as those of a batch without Dask."""
 _WORKERS = re.compile(r"(\d+)(?:\.\.(\d+))?")
+_ADDRESS = re.compile(r"://|:\d+$")
 _CLASS = re.compile(r"[A-Za-z_][\w.]*\.[A-Z]\w*")
 _TASK_DURATION = "10 minutes"
 """Assumed duration of the first tasks. With Dask's half a second, an adaptive cluster starts too few workers."""
@@ -70,6 +71,11 @@ class Scheduler:
     workers: WorkerCount | None = None
 
     def __post_init__(self) -> None:
+        if not self.is_started_here and _ADDRESS.search(self.name) is None:
+            raise OptionsError(
+                f"`scheduler` must be {LOCAL!r}, the address of a scheduler such as tcp://host:8786, or a class of "
+                f"clusters such as dask_jobqueue.SLURMCluster, got {self.name!r}."
+            )
         if self.workers is not None and not self.is_started_here:
             raise OptionsError(
                 f"The scheduler at {self.name} has workers already; their number is set where they were started "

@@ -17,6 +17,7 @@ from posefuse.errors import OptionsError, choices
 from posefuse.model.batch import Job, JobResult, JobTreatment
 from posefuse.model.options.options import Options
 from posefuse.model.options.run import RunInputs, RunOptions
+from posefuse.parallel import JobCount, logical_cores, number_of_jobs
 
 if TYPE_CHECKING:
     from posefuse.batch.schedulers import Scheduler
@@ -41,7 +42,10 @@ class _Treatment:
 class _Where:
     """Flags of the processes or machines that do the work."""
 
-    jobs: Annotated[int | None, Parameter(help="Number of processes; by default one per processor.")] = None
+    jobs: Annotated[
+        JobCount | None,
+        Parameter(help="Number of processes, or auto for the physical cores; by default one per processor."),
+    ] = None
     scheduler: Annotated[
         str | None,
         Parameter(
@@ -70,8 +74,8 @@ class _Where:
         """
         from posefuse.batch.schedulers import Scheduler, WorkerCount
 
-        if self.jobs is not None and self.jobs < 1:
-            raise OptionsError(f"--jobs must be at least 1, got {self.jobs}.")
+        if self.jobs is not None:
+            number_of_jobs(self.jobs, useful=1)
         if self.retries < 0:
             raise OptionsError(f"--retries must be at least 0, got {self.retries}.")
         if not self.window_s > 0:
@@ -186,11 +190,11 @@ def _run(ready: Sequence[Job], where: _Where, scheduler: "Scheduler | None") -> 
     from posefuse.batch.cluster import on_cluster
     from posefuse.batch.pool import in_processes
     from posefuse.batch.work import run_divided_job, run_job, run_job_unless_long
-    from posefuse.parallel import logical_cores
 
     if scheduler is not None:
         return on_cluster(run_job_unless_long, ready, scheduler, run_divided_job, retries=where.retries)
-    return in_processes(run_job, ready, where.jobs or logical_cores(), where.retries)
+    number = logical_cores() if where.jobs is None else number_of_jobs(where.jobs, useful=len(ready))
+    return in_processes(run_job, ready, number, where.retries)
 
 
 def _collect(todo: Sequence[Job], results: Iterator[JobResult]) -> tuple[dict[str, JobResult], bool]:

@@ -22,7 +22,7 @@ from posefuse.cli.types import (
     with_sync,
 )
 from posefuse.errors import PosefuseError, RecordingError, choices
-from posefuse.io.open_recording import keypoint_request
+from posefuse.io.open_recording import has_times, keypoint_request
 from posefuse.io.recording import Ignored, RecognizedInput, find_recording, ignored_in
 from posefuse.io.videos_only import videos_only
 from posefuse.model.cameras import CameraRig
@@ -327,12 +327,16 @@ def _say_matches(read: _Inputs, options: Options) -> bool:
                 continue
             views = count(chosen.n_views, "view")
             words = f"{views} {'matches' if chosen.n_views == 1 else 'match'} {count(len(matched), 'camera')}"
-            said.append((words, f"  --calibration '{where}'\n  --keypoints '{path}'", remarks))
+            timed = has_times(chosen) or options.people == "stills"
+            flags = f"  --calibration '{where}'\n  --keypoints '{path}'" + ("" if timed else "\n  --rate-hz HZ")
+            said.append((words, flags, remarks))
     if refused and not said:
         warn(f"views and cameras do not match: {refused[0]}")
     notes(list(dict.fromkeys(remark for _, _, remarks in said for remark in remarks)), _IN_FULL)
     if said and single:
-        say(f"{said[0][0]}; posefuse reconstruct can process this folder")
+        rate = "--rate-hz" in said[0][1]
+        given = " with --rate-hz HZ, since the keypoint files do not specify their frame rate" if rate else ""
+        say(f"{said[0][0]}; posefuse reconstruct can process this folder{given}")
     elif detail.verbose or len(said) == 1:
         for words, flags, _ in said:
             say(f"{words}; to reconstruct, add\n{flags}")

@@ -158,7 +158,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _fail_interrupted(tokens: list[str]) -> None:
     resumes = any(token in _RESUMING for token in tokens[:1])
-    text = "Interrupted; no incomplete result remains." + (" The same command resumes." if resumes else "")
+    text = "Interrupted; no result was written." + (" The same command resumes." if resumes else "")
     err.print(Text(text, "red"))
     sys.exit(130)
 

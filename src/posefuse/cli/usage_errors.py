@@ -68,7 +68,12 @@ def _missing(error: MissingArgumentError) -> str | None:
     name, command = error.argument.name, " ".join(error.command_chain or ())
     if error.argument.field_info.is_positional:
         name = name.lstrip("-").upper()  # as help names it
-    return f"{name} is missing. posefuse {command} --help describes it."
+    missing = f"{name} is missing. posefuse {command} --help describes it."
+    unknown = [token.partition("=")[0] for token in error.unused_tokens or () if token.startswith("--")]
+    if not unknown:
+        return missing
+    meant = suggestion(unknown[0], [name])
+    return f"Unknown option: {unknown[0]}. {meant}" if meant.startswith("Did you mean") else missing
 
 
 def _unknown_flag(error: UnknownOptionError) -> str:

@@ -9,6 +9,9 @@ from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import PointStatus, ViewStatus
 
+DISAGREEMENT = "The views do not agree: "
+"""Beginning of the sentence on all views."""
+
 # Detectors err by 0.5 % of the image's longer side, and by 1 % with a poor calibration.
 _MAX_NOISE_SHARE = 0.015
 _MAX_REJECTED_SHARE = 0.4
@@ -44,7 +47,7 @@ def agreement_finding(layers: Sequence[Layer], rig: CameraRig, noise: NoiseModel
         else f"{100 * share:.0f} % of the detections contradict the other views"
     )
     return (
-        f"The views do not agree: {symptom}. Either views are assigned to the wrong cameras (see the matching above, "
+        f"{DISAGREEMENT}{symptom}. Either views are assigned to the wrong cameras (see the matching above, "
         "`camera_order`), or a camera was moved after the calibration, or the calibration belongs to another recording."
     )
 

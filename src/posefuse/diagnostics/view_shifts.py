@@ -13,6 +13,9 @@ from posefuse.model.reconstruction import Layer
 from posefuse.model.status import ViewStatus, is_used
 from posefuse.model.tracks import Tracks
 
+SHIFTED_VIEWS = "All keypoints of these views are shifted in a common direction"
+"""Beginning of the sentence."""
+
 _LEAST_SHARE = 0.5
 """Least shift of a view that is stated, as a share of the median reprojection error of all views."""
 _LEAST_AGREEING = 0.75
@@ -51,9 +54,9 @@ def shift_note(rig: CameraRig, layer: Layer, detections: Detections, tracks: Tra
         return None
     found = ", ".join(f"{shift:.0f} px in {name}" for name, shift in shifts.items())
     return (
-        "All keypoints of these views are shifted in a common direction from the projected 3D points: "
-        f"{found}; the median reprojection error is {error_px:.0f} px. The poses of the cameras may be inaccurate: "
-        "posefuse run with `refine`, or posefuse refine-calibration, adjusts them to the detections."
+        f"{SHIFTED_VIEWS} from the projected 3D points: {found}; the median reprojection error is {error_px:.0f} px. "
+        "The detector or inaccurate poses of cameras may cause this; `posefuse refine-calibration` tests the poses, "
+        "best on a recording of a person who walks through the whole volume."
     )
 
 

@@ -155,13 +155,18 @@ def timestamps_in(folder: Path, keypoints: Path, options: Options) -> Path | Non
     return None if rates_given else choose_timestamps(folder, keypoints)
 
 
+def has_times(detections: Detections) -> bool:
+    """Return whether the frames of a recording have times."""
+    return detections.rate_hz is not None or bool((detections.time_s == detections.time_s).any())
+
+
 def require_times(detections: Detections) -> None:
     """Refuse keypoints without frame times, before any work is done.
 
     Raises:
         DetectionsError: if the frame rate is unknown.
     """
-    if detections.rate_hz is None and not (detections.time_s == detections.time_s).any():
+    if not has_times(detections):
         raise DetectionsError(
             "The keypoint files do not specify their frame rate, which the results need. Add `rate_hz=60` (or the "
             "frame rate of your videos), or `people='stills'` if the frames are unrelated."

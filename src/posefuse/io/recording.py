@@ -233,19 +233,17 @@ def choose_timestamps(folder: Path, keypoints: Path) -> Path | None:
 
 def _choose(found: tuple[RecognizedInput, ...], recording: Recording, what: str, argument: str) -> Path:
     if not found:
+        searched = f"No {what} found in {recording.folder} (searched {_SEARCH_DEPTH} levels deep)."
+        if recording.folder.is_file():
+            searched = f"{recording.folder} is a file without {what}. Give the folder of the recording."
         raise RecordingError(
-            f"No {what} found in {recording.folder}{_searched(recording)}. Set `{argument}` to its path. "
-            "posefuse formats lists the formats that are read."
+            f"{searched} Set `{argument}` to its path. posefuse formats lists the formats that are read."
         )
     first, *others = found
     if others:
         listed = "".join(f"\n  `{argument}={str(item.path)!r}`  ({item.format})" for item in found)
         raise RecordingError(f"{recording.folder} has {len(found)} {what}. Choose one:{listed}")
     return first.path
-
-
-def _searched(recording: Recording) -> str:
-    return "" if recording.folder.is_file() else f" (searched {_SEARCH_DEPTH} levels deep)"
 
 
 def _entries(folder: Path) -> list[Path]:

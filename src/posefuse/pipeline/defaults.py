@@ -101,10 +101,18 @@ def cut_time(detections: Detections, options: Options) -> Detections:
     stop = len(times) if options.end_s is None else int(np.searchsorted(times, options.end_s - 1e-9))
     if start >= stop:
         raise DetectionsError(
-            f"No frame lies between start_s = {options.start_s} and end_s = {options.end_s}; the recording runs from "
-            f"{times[0]:.3f} s to {times[-1]:.3f} s."
+            f"No frame lies {_span_words(options)}; the recording runs from {times[0]:.3f} s to {times[-1]:.3f} s."
         )
     return detections.between(start, stop)
+
+
+def _span_words(options: Options) -> str:
+    """Return the times between which frames are wanted."""
+    if options.end_s is None:
+        return f"from `start_s={options.start_s}` on"
+    if options.start_s is None:
+        return f"before `end_s={options.end_s}`"
+    return f"between `start_s={options.start_s}` and `end_s={options.end_s}`"
 
 
 def resolve_options(options: Options, facts: RecordingFacts, n_cameras: int) -> Options:

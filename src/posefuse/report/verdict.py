@@ -6,6 +6,8 @@ from typing import Literal
 
 import numpy as np
 
+from posefuse.diagnostics.view_agreement import DISAGREEMENT
+from posefuse.diagnostics.view_shifts import SHIFTED_VIEWS
 from posefuse.model.findings import Finding, certain_faults, verdict_sentences
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.report.summary import Summary
@@ -55,9 +57,20 @@ def judge_result(result: Reconstruction, summary: Summary) -> ResultVerdict:
     if result.options.health == "off" or not result.has_identities:
         reason = "The recording was not checked for wrong poses and clocks of cameras."
         return ResultVerdict("check", reason, "Run `posefuse inspect --deep` on the folder of the recording.")
+    if disagreement := _note(result, DISAGREEMENT):
+        symptom, _, causes = disagreement.partition(". ")
+        return ResultVerdict("check", f"{symptom}.", causes)
     (sentence,) = verdict_sentences(())
     uneven, remedy = _worst_camera(result.rig.names, [error.median for error in summary.error_px_by_view])
+    if shifts := _note(result, SHIFTED_VIEWS):
+        shifted, _, remedy = shifts.partition(". ")
+        uneven = f" But {shifted[0].lower()}{shifted[1:]}."
     return ResultVerdict("good", f"{sentence[0].upper()}{sentence[1:]}.{uneven}", remedy)
+
+
+def _note(result: Reconstruction, beginning: str) -> str:
+    """Return the note that begins with some words; empty if there is none."""
+    return next((note for note in result.provenance.notes if note.startswith(beginning)), "")
 
 
 def _worst_camera(names: Sequence[str], errors_px: Sequence[float]) -> tuple[str, str]:

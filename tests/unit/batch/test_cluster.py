@@ -60,5 +60,5 @@ def test_job_that_kills_its_workers_fails(tmp_path, distributed):
 
 
 def test_missing_scheduler_is_an_error(distributed):
-    with pytest.raises(StreamError, match="No Dask scheduler answers at nowhere"):
-        list(on_cluster(do, [], Scheduler("nowhere")))
+    with pytest.raises(StreamError, match="No Dask scheduler answers at nowhere:1"):
+        list(on_cluster(do, [], Scheduler("nowhere:1")))

@@ -89,7 +89,9 @@ def test_calibration_file_alone_has_no_keypoints(tmp_path):
     anipose.write(SCENE.rig, tmp_path / "calibration.toml")
     recording = find_recording(tmp_path / "calibration.toml")
     assert choose_calibration(recording) == tmp_path / "calibration.toml"
-    with pytest.raises(RecordingError, match=r"No sets of 2D keypoints found in .*calibration.toml\. Set `keypoints`"):
+    with pytest.raises(
+        RecordingError, match=r"calibration.toml is a file without sets of 2D keypoints\. .*`keypoints`"
+    ):
         choose_keypoints(recording)
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from posefuse.diagnostics.view_shifts import SHIFTED_VIEWS
 from posefuse.model.findings import Finding, FindingKind, certain_faults, verdict_sentences
 from posefuse.model.reconstruction import Provenance
 from posefuse.model.status import USED_CODES, PointStatus
@@ -52,6 +53,31 @@ def test_good_result_repeats_the_sentence_of_the_commands(result):
     verdict = judge(result)
     assert verdict.level == "good"
     assert verdict.sentence.lower() == f"{verdict_sentences(())[0]}."
+
+
+def noted(result, note):
+    return replace(result, provenance=replace(result.provenance, notes=(note,)))
+
+
+def test_views_that_do_not_agree_are_no_good_result(result):
+    note = (
+        "The views do not agree: 56 % of the detections contradict the other views. Either views are swapped, or not."
+    )
+    verdict = judge(noted(result, note))
+    assert verdict.level == "check"
+    assert verdict.sentence == "The views do not agree: 56 % of the detections contradict the other views."
+    assert verdict.remedy == "Either views are swapped, or not."
+
+
+def test_shifted_views_are_named_beside_the_verdict(result):
+    note = f"{SHIFTED_VIEWS} from the projected 3D points: 21 px in cam_1. Test the poses."
+    verdict = judge(noted(result, note))
+    assert verdict.level == "good"
+    assert verdict.sentence.endswith(
+        " But all keypoints of these views are shifted in a common direction from the "
+        "projected 3D points: 21 px in cam_1."
+    )
+    assert verdict.remedy == "Test the poses."
 
 
 @pytest.mark.parametrize(("factor", "named"), [(1.5, False), (3.0, True)])

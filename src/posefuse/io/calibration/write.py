@@ -91,14 +91,14 @@ def write_like(rig: CameraRig, path: Path, original: Path) -> str:
         try:
             write_as(form, rig, path)
         except FileError as error:
-            reason = f": {error}"
+            reason = str(error).removesuffix(".")
         else:
             return f"in the format {form.name} of {original.name}"
     found = find_format(original)
     if not own and found is not None and found.name != _FALLBACK_FORMAT:
-        reason = f": {found.name} cannot be written"
+        reason = f"{found.name} cannot be written"
     try:
         write_as(fallback, rig, path)
     except FileError as error:
-        raise FileError(f"{error} {reason.removeprefix(': ')}".strip()) from None
-    return f"in the format {_FALLBACK_FORMAT}{reason}"
+        raise FileError(f"{error} {reason}{'.' if reason else ''}".strip()) from None
+    return f"in the format {_FALLBACK_FORMAT}" + (f" ({reason})" if reason else "")

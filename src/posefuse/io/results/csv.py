@@ -1,7 +1,8 @@
 """Tidy CSV: one row per frame, person and keypoint (or angle or event). Missing cells are empty.
 
 Points are rounded as in ``reconstruction.nc``: coordinates to 0.001 mm, and finer where the standard deviation is below
-0.05 mm, standard deviations and errors to four digits, times to a microsecond.
+0.05 mm, standard deviations and errors to four digits, times to a microsecond. Derived quantities, such as those of
+gait, have six digits.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -10,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from posefuse.io.columns import Column, Columns, Decimals, Words, number_column
-from posefuse.io.csv_columns import header, read_csv, write_csv, write_rounded_csv
+from posefuse.io.csv_columns import header, read_csv, write_rounded_csv
 from posefuse.io.files import must_exist
 from posefuse.io.results import tidy
 from posefuse.io.results.format import ResultFormat
@@ -36,7 +37,7 @@ _STATUS = tuple(next((s.label for s in PointStatus if s == code), "") for code i
 _ANGLE_STATUS = tuple(status.label for status in AngleStatus)
 _ANGLE_DECIMALS, _TIME_DECIMALS = 3, 6
 _DEGREES = ("degrees", "sd_degrees", "low_degrees", "high_degrees")
-_SD_DIGITS = 4
+_SD_DIGITS, _DERIVED_DIGITS = 4, 6
 _COORDINATE_DECIMALS, _COORDINATE_PARTS = 6, 50.0
 """Decimals of a coordinate, and into how many parts its standard deviation is divided at least."""
 _SOURCE = tuple(next((s.label for s in Source if s == code), "") for code in range(256))
@@ -73,12 +74,17 @@ def write(parts: Iterable[Reconstruction], path: Path, layer: LayerName) -> None
 def write_events(events: Iterable[Event], path: Path) -> None:
     """Write the events of tracks and cameras: ``frame, time_s, person, what, why``."""
     rows = list(events)
-    columns: dict[str, Column] = {
+    numbers: dict[str, Column] = {
         "frame": np.array([event.number for event in rows], dtype=np.int64),
         "time_s": np.array([event.time_s for event in rows], dtype=np.float64),
     }
     words = {name: Words.of([getattr(event, name) for event in rows]) for name in ("person", "what", "why")}
-    write_csv([columns | words], path)
+    write_table([numbers | words], path)
+
+
+def write_table(tables: Iterable[Columns], path: Path) -> None:
+    """Write consecutive tables of derived quantities as one, with six digits."""
+    write_rounded_csv((_significant(table) for table in tables), path)
 
 
 def write_angles(parts: Iterable[Reconstruction], path: Path) -> None:
@@ -113,15 +119,29 @@ def _rounded(table: Columns, unit: str) -> dict[str, Decimals | Words]:
     coordinates = np.nan_to_num(needed, nan=MAX_DECIMALS, posinf=MAX_DECIMALS).clip(_COORDINATE_DECIMALS, MAX_DECIMALS)
     decimals: dict[str, np.ndarray | int] = {f"{axis}_{unit}": coordinates.astype(np.int64) for axis in "xyz"}
     for name in (*(f"sd_{axis}_{unit}" for axis in "xyz"), "reprojection_error_px"):
-        decimals[name] = _for_digits(number_column(table, name))
+        decimals[name] = _for_digits(number_column(table, name), _SD_DIGITS)
     return _decimals(table, decimals)
 
 
-def _for_digits(values: np.ndarray) -> np.ndarray:
-    """Return the number of decimals that write a number with four significant digits, shape (row,), int64."""
+def _significant(table: Columns) -> dict[str, Decimals | Words]:
+    """Return a table with the decimals that show six digits of its numbers."""
+    rounded: dict[str, Decimals | Words] = {}
+    for name, column in table.items():
+        if isinstance(column, Words) or column.dtype == object:
+            rounded[name] = column if isinstance(column, Words) else Words.of(column)
+            continue
+        values = np.ma.filled(np.ma.asarray(column).astype(np.float64), np.nan)
+        whole = not np.issubdtype(column.dtype, np.floating)
+        decimals = 0 if whole else _for_digits(np.abs(values), _DERIVED_DIGITS)
+        rounded[name] = Decimals(values, _TIME_DECIMALS if name == "time_s" else decimals)
+    return rounded
+
+
+def _for_digits(values: np.ndarray, digits: int) -> np.ndarray:
+    """Return the numbers of decimals that write positive numbers with ``digits`` digits, shape (row,), int64."""
     with np.errstate(divide="ignore", invalid="ignore"):
         first = np.nan_to_num(np.floor(np.log10(values)), nan=0.0, neginf=0.0, posinf=0.0)
-    return (_SD_DIGITS - 1 - first).clip(0, MAX_DECIMALS).astype(np.int64)
+    return (digits - 1 - first).clip(0, MAX_DECIMALS).astype(np.int64)
 
 
 def _decimals(table: Columns, decimals: Mapping[str, np.ndarray | int]) -> dict[str, Decimals | Words]:

@@ -10,7 +10,6 @@ import numpy as np
 
 from posefuse.arguments import checked
 from posefuse.errors import ResultError, choices, suggestion
-from posefuse.io.csv_columns import write_csv
 from posefuse.io.files import check_texts
 from posefuse.io.outputs import check_new_files, check_new_folder, replacing_together
 from posefuse.io.results import c3d, csv, mot, trc
@@ -114,7 +113,7 @@ def _write_layer(
     elif form.write_layer is not None:
         form.write_layer(bare, files[0], layer)
     others = _others(result, layer)
-    omissions = (f"{form.name}: the layer {layer}; without {choices(others)}.",) if others else ()
+    omissions = (f"{form.name} contains the layer {layer}, without {choices(others)}.",) if others else ()
     return (*omissions, *_lacks(form, result, files[0]))
 
 
@@ -364,7 +363,7 @@ def _n_bodies(result: Reconstruction) -> int:
 def _write_table(
     name: str, columns: Table, result: Reconstruction, folder: Path
 ) -> tuple[Sequence[str], Sequence[str]]:
-    write_csv(columns(result), folder / name)
+    csv.write_table(columns(result), folder / name)
     return (name,), ()
 
 

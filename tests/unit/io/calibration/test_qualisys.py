@@ -83,7 +83,7 @@ def test_qualisys_is_written_as_qualisys(tmp_path):
     original.write_text(qualisys_xml(rig))
     assert write_like(rig, tmp_path / "b.qca.txt", original) == "in the format qualisys of Calib.qca.txt"
     assert find_format(tmp_path / "b.qca.txt").name == "qualisys"
-    assert write_like(rig, tmp_path / "b.toml", original).startswith("in the format anipose: ")
+    assert write_like(rig, tmp_path / "b.toml", original).startswith("in the format anipose (")
     for name in ("b.qca.txt", "b.toml"):
         again = read_cameras(tmp_path / name)
         assert (again.names, again.notes, again.left_out, again.up_axis) == (rig.names, rig.notes, rig.left_out, "z")

@@ -45,7 +45,8 @@ def test_format_follows_from_the_file_name(layered_result, tmp_path):
         assert done.files == (tmp_path / name,)
         assert done.layer == "solved"
         assert (
-            done.notes[0] == f"{form}: the layer solved; without measured, detections of each track, left/right swaps."
+            done.notes[0]
+            == f"{form} contains the layer solved, without measured, detections of each track, left/right swaps."
         )
         assert done.notes[1:] == ((f"{form} cannot hold {lacks[name]}.",) if name in lacks else ())
         found, rounding_m = posefuse.read_points(tmp_path / name).points_m, 5.001e-6 if form == "csv" else 0.0
