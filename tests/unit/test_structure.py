@@ -95,7 +95,6 @@ TESTED_ELSEWHERE = {
         "biomechanics/foot_paths.py",
         "biomechanics/gait_events.py",
         "biomechanics/gait_parameters.py",
-        "biomechanics/repetitions.py",
     ),
     "unit/calibration/scene/test_calibration.py": ("calibration/scene/first_pose.py",),
     "unit/calibration/test_refine.py": (

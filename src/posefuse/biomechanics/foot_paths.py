@@ -25,6 +25,7 @@ class FootPaths:
         sd_m: shape (frame, side, part, 3): standard deviations along the axes.
         hips_m: shape (frame, side, 3).
         knee_deg: shape (frame, side): flexion of the knee from the points, 0 for a straight leg.
+        leg_m: shape (frame, side): length of thigh and shank from the points.
     """
 
     time_s: np.ndarray
@@ -32,6 +33,7 @@ class FootPaths:
     sd_m: np.ndarray
     hips_m: np.ndarray
     knee_deg: np.ndarray
+    leg_m: np.ndarray
 
     @property
     def pelvis_m(self) -> np.ndarray:
@@ -40,7 +42,7 @@ class FootPaths:
 
     def between(self, first: int, last: int) -> "FootPaths":
         """Return the frames ``first`` to ``last`` (excluded)."""
-        names = ("time_s", "feet_m", "sd_m", "hips_m", "knee_deg")
+        names = ("time_s", "feet_m", "sd_m", "hips_m", "knee_deg", "leg_m")
         return replace(self, **{name: getattr(self, name)[first:last] for name in names})
 
 
@@ -63,7 +65,7 @@ def foot_paths(parts: Iterable[Reconstruction], layer: LayerName, up: tuple[floa
     turn = level_axes(np.array(up))
     rows = [_of_range(part, layer, turn) for part in parts]
     times = np.concatenate([part[0] for part in rows])
-    arrays = [np.concatenate([part[i] for part in rows], axis=0) for i in range(1, 5)]
+    arrays = [np.concatenate([part[i] for part in rows], axis=0) for i in range(1, 6)]
     return [FootPaths(times, *(each[:, p] for each in arrays)) for p in range(arrays[0].shape[1])]
 
 
@@ -83,7 +85,7 @@ def part_keypoints(skeleton: Skeleton, side: str, part: int) -> list[int]:
 
 
 def _of_range(part: Reconstruction, layer: LayerName, turn: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return times, feet, standard deviations, hips and knees of a range of frames; people are the second axis."""
+    """Return times and the fields of paths in their order for a range of frames; people are the second axis."""
     points = np.asarray(part.layers[layer].points_m[:])
     covariance = unpack_covariance(np.asarray(part.layers[layer].covariance_m2[:]))
     return part.time_s, *_of_points(points, covariance, part.skeleton, turn)
@@ -108,7 +110,7 @@ def foot_paths_of_points(
 def _of_points(
     points_m: np.ndarray, covariance_m2: np.ndarray, skeleton: Skeleton, turn: np.ndarray
 ) -> tuple[np.ndarray, ...]:
-    """Return feet, standard deviations, hips and knees; the first axes are frame, person and keypoint."""
+    """Return the fields of paths after the times; the first axes of the points are frame, person and keypoint."""
     points = points_m @ turn.T
     feet, sds = [], []
     for side in SIDES:
@@ -119,19 +121,25 @@ def _of_points(
             sds.append(np.sqrt(np.diagonal(own, axis1=-2, axis2=-1)))
     shape = (*points.shape[:2], 2, 2, 3)
     hips = points[:, :, [skeleton.index(f"{side}_hip") for side in SIDES]]
-    return np.stack(feet, axis=2).reshape(shape), np.stack(sds, axis=2).reshape(shape), hips, _knees(points, skeleton)
+    knees, legs = _legs(points, skeleton)
+    return np.stack(feet, axis=2).reshape(shape), np.stack(sds, axis=2).reshape(shape), hips, knees, legs
 
 
-def _knees(points_m: np.ndarray, skeleton: Skeleton) -> np.ndarray:
-    """Return the flexion of the knees in degrees, shape (frame, person, side), NaN without knees or ankles."""
-    flexion = np.full((*points_m.shape[:2], 2), np.nan)
+def _legs(points_m: np.ndarray, skeleton: Skeleton) -> tuple[np.ndarray, np.ndarray]:
+    """Return the flexion of the knees in degrees and the length of thigh and shank in meters.
+
+    Both have the shape (frame, person, side), NaN without knees or ankles.
+    """
+    flexion, length = (np.full((*points_m.shape[:2], 2), np.nan) for _ in range(2))
     for s, side in enumerate(SIDES):
         names = [f"{side}_{joint}" for joint in ("hip", "knee", "ankle")]
         if not set(names) <= set(skeleton.keypoints):
             continue
         hip, knee, ankle = (points_m[:, :, skeleton.index(name)] for name in names)
         thigh, shank = knee - hip, ankle - knee
+        lengths = np.linalg.norm(thigh, axis=-1), np.linalg.norm(shank, axis=-1)
         with np.errstate(invalid="ignore", divide="ignore"):
-            cosine = (thigh * shank).sum(-1) / np.linalg.norm(thigh, axis=-1) / np.linalg.norm(shank, axis=-1)
+            cosine = (thigh * shank).sum(-1) / lengths[0] / lengths[1]
         flexion[..., s] = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
-    return flexion
+        length[..., s] = lengths[0] + lengths[1]
+    return flexion, length

@@ -18,6 +18,11 @@ _EDGE_SEARCH_S, _EDGE_REST_S = 0.15, 0.15
 _EDGE_CANDIDATES = 61
 _MIN_DEPTH = 0.15
 """Smallest depth of a squat as a share of the length of the leg."""
+_STRAIGHT_DEG, _UPRIGHT = 45.0, 0.75
+"""Largest flexion of the straighter knee, and smallest height of the pelvis above the lower foot as a share of the
+length of the leg, of a person who stands. The leg is then at least 0.92 of its length."""
+_STANDING_S, _STANDING_SHARE = 0.5, 0.2
+"""Interval before and after a squat, and the share of it in which the person stands."""
 _DURATION_S = (0.5, 60.0)
 _SITTING_S = 1.0
 """Time near the lowest position from which a lowering counts as sitting."""
@@ -153,12 +158,16 @@ def _flight_edge(since_s: np.ndarray, heights_m: np.ndarray, origin_s: float, un
 
 
 def _lowerings(paths: FootPaths, height: np.ndarray, jumps: list[Repetition]) -> list[Repetition]:
-    """Return squats and sit-to-stands: the pelvis sinks between two standing positions."""
+    """Return squats and sit-to-stands: the pelvis sinks, and the person stands before and after, or after it."""
     feet = np.nanmin(paths.feet_m[..., 2].reshape(len(height), -1), axis=1, initial=np.inf)
     above = height - np.where(np.isfinite(feet), feet, np.nan)
-    above = np.where(np.isfinite(above), above, np.nanmedian(above)) if np.isfinite(above).any() else height
-    leg = leg_length(paths)
-    standing = float(np.quantile(above, 0.9))
+    known = paths.leg_m[np.isfinite(paths.leg_m)]
+    leg = float(np.median(known)) if len(known) else float("nan")
+    stands = _stands(paths, above, leg)
+    if not stands.any():
+        return []
+    standing = float(np.median(above[stands]))
+    above = np.where(np.isfinite(above), above, np.nanmedian(above))
     low = above < standing - 0.5 * _MIN_DEPTH * leg
     edges = np.flatnonzero(np.diff(low.astype(np.int8)))
     found = []
@@ -170,10 +179,30 @@ def _lowerings(paths: FootPaths, height: np.ndarray, jumps: list[Repetition]) ->
         near_jump = any(start < jump.end_s + 1.0 and end > jump.start_s - 1.0 for jump in jumps)
         if depth < _MIN_DEPTH * leg or near_jump or not _DURATION_S[0] <= end - start <= _DURATION_S[1]:
             continue
+        if not _stands_during(paths, stands, end, end + _STANDING_S):
+            continue
         bottom = np.flatnonzero(above[first : last + 1] < standing - (1.0 - _NEAR_BOTTOM) * depth) + first
         seated = float(paths.time_s[bottom[-1]] - paths.time_s[bottom[0]])
         if seated > _SITTING_S:
             found.append(Repetition("sit_to_stand", float(paths.time_s[bottom[-1]]), end, depth, float("nan")))
-        else:
+        elif _stands_during(paths, stands, start - _STANDING_S, start):
             found.append(Repetition("squat", start, end, depth, float("nan")))
     return found
+
+
+def _stands(paths: FootPaths, above_m: np.ndarray, leg_m: float) -> np.ndarray:
+    """Return whether the person stands, shape (frame,): a knee is about straight and the pelvis is high.
+
+    Args:
+        paths: paths of the person.
+        above_m: shape (frame,): height of the pelvis above the lower foot.
+        leg_m: length of thigh and shank, NaN if unknown; then nothing shows that a person stands.
+    """
+    straighter = np.nanmin(paths.knee_deg, axis=1, initial=np.inf)
+    return np.asarray((straighter < _STRAIGHT_DEG) & (above_m > _UPRIGHT * leg_m))
+
+
+def _stands_during(paths: FootPaths, stands: np.ndarray, first_s: float, last_s: float) -> bool:
+    """Return whether the person stands in a part of an interval."""
+    inside = (paths.time_s >= first_s) & (paths.time_s <= last_s)
+    return bool(stands[inside].mean() >= _STANDING_SHARE) if inside.any() else False

@@ -223,7 +223,7 @@ def test_any_paths_give_probabilities_and_no_warnings(seed):
     hips[rng.random(n) < [0.0, 0.3, 1.0][seed % 3]] = np.nan
     sd = np.where(np.isfinite(feet), 0.02, np.nan)
     times = np.cumsum(rng.uniform(0.005, 0.05, n))
-    gait = analyze_person(FootPaths(times, feet, sd, hips, np.full((n, 2), np.nan)))
+    gait = analyze_person(FootPaths(times, feet, sd, hips, *np.full((2, n, 2), np.nan)))
     probability = gait.contact.probability[np.isfinite(feet[..., 0])]
     assert ((probability >= 0.0) & (probability <= 1.0)).all()
 

@@ -104,7 +104,7 @@ def test_angles_are_averaged_from_strike_to_strike():
     time_s = np.arange(0.0, 5.0, 0.01)
     shape = (len(time_s), 2, 2, 3)
     paths = FootPaths(
-        time_s, np.zeros(shape), np.zeros(shape), np.zeros((len(time_s), 2, 3)), np.zeros((len(time_s), 2))
+        time_s, np.zeros(shape), np.zeros(shape), np.zeros((len(time_s), 2, 3)), *np.zeros((2, len(time_s), 2))
     )
     events = [
         GaitEvent(kind="heel_strike", side=0, time_s=time, sd_s=0.01, confidence=1.0, bout=0)
