@@ -49,7 +49,8 @@ def analyze_person(paths: FootPaths, angles_deg: Mapping[str, np.ndarray] | None
     events = gait_events(paths, intervals)
     repetitions = find_repetitions(paths, intervals, events)
     parameters = gait_parameters(paths, events, contact.model.ground_m_s) + _repetition_parameters(repetitions)
-    cycles = gait_cycles(paths, events, contact.model.levels, angles_deg or {})
+    model = contact.model
+    cycles = gait_cycles(paths, events, model.levels, angles_deg or {}, model.ground_m_s)
     return Gait(contact, intervals, events, repetitions, parameters, cycles)
 
 

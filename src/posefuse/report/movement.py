@@ -58,7 +58,8 @@ def movement_section(result: Reconstruction, gait: Mapping[str, Gait]) -> str:
     if any(each.cycles for each in gait.values()):
         parts.append(
             "<section><h2>Gait cycles</h2><p>Mean from heel strike to heel strike, and one standard deviation over "
-            f'cycles (<span id="cycle-numbers"></span>). Dotted lines mark toe-off. {SIDES_KEY}. '
+            'cycles (<span id="cycle-numbers"></span>). Dotted lines mark toe-off. '
+            f"Pelvis rotation is relative to the direction of walking. {SIDES_KEY}. "
             '<span id="cycle-people"></span></p><div id="cycles" class="multiples"></div></section>'
         )
     if result.joint_angles is not None and _shown_angles(result.joint_angles):
@@ -122,7 +123,10 @@ def _shown_angles(angles: JointAngles) -> dict[str, tuple[int, int]]:
 
 def _angle_data(angles: JointAngles, starts: np.ndarray) -> list[dict[str, Any]]:
     """Return the means of time intervals by angle; each of the curves has one row per person."""
-    degrees = mean_per_interval(np.asarray(angles.degrees[:], dtype=np.float64), starts)
+    # Circular means: an angle that passes 180 degrees continues at -180.
+    radians = np.radians(np.asarray(angles.degrees[:], dtype=np.float64))
+    sine, cosine = (mean_per_interval(each, starts) for each in (np.sin(radians), np.cos(radians)))
+    degrees = np.degrees(np.arctan2(sine, cosine))
     sd_deg = mean_per_interval(np.asarray(angles.sd_deg[:], dtype=np.float64), starts)
     found = []
     for name, (left, right) in _shown_angles(angles).items():

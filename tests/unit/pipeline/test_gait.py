@@ -11,6 +11,7 @@ from posefuse.io.results.netcdf_contact import read_contact
 from posefuse.io.results.rounding import rounded
 from posefuse.model.track_events import EVENT_KINDS
 from posefuse.pipeline.gait import analyze_gait
+from posefuse.pipeline.joint_angles import with_joint_angles
 from posefuse.pipeline.write_outputs import write_outputs
 from posefuse.progress import Silent
 from posefuse.synthetic.gait_plans import WalkPlan, stand, walk
@@ -45,6 +46,17 @@ def test_tables_are_tidy(folder):
     cycles = rows_of(folder / "cycles.csv")
     assert {float(row["percent"]) for row in cycles} == set(range(101))
     assert all(float(row["low95"]) <= float(row["mean"]) <= float(row["high95"]) for row in cycles if row["sd"])
+
+
+def test_the_pelvis_turns_relative_to_the_path_and_not_to_the_world():
+    """A walk around a circle passes every heading; the simulated pelvis turns by 4 degrees."""
+    plan = WalkPlan(1.2, radius_m=1.5, strides=8)
+    truth = simulate_gait(walk(plan), plan.duration_s).truth
+    columns = analyze_gait(with_joint_angles(truth)).tables()["cycles.csv"]
+    own = columns["signal"] == "pelvis_rotation_deg"
+    assert set(columns["side"][own]) == {"left", "right"}
+    assert np.abs(columns["mean"][own]).max() < 10.0
+    assert columns["sd"][own].max() < 10.0
 
 
 def test_events_have_the_columns_of_tracks(folder):

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -69,6 +70,17 @@ def test_table_has_both_sides_and_intervals(result, gait):
     assert all(float(low) <= float(value) <= float(high) for value, _, low, high in cells)
 
 
+def test_angles_that_pass_half_a_turn_have_circular_means(result):
+    """Frames at 179 and -179 degrees have a mean of 180."""
+    turned = np.asarray(result.joint_angles.degrees).copy()
+    turned[...] = np.where(np.arange(len(turned)) % 2, 179.0, -179.0)[:, None, None]
+    coarse = SimpleNamespace(interval_starts=lambda: np.arange(0, len(turned), 2))
+    angles = replace(result.joint_angles, degrees=turned)
+    for panel in movement_data(replace(result, joint_angles=angles), {}, coarse)["angles"]:
+        sides = [panel[side]["mean"][0] for side in ("both", *SIDES) if side in panel]
+        assert np.abs(np.array(sides, dtype=float)).min() == pytest.approx(180.0)
+
+
 def test_standing_has_angles_but_no_cycles():
     result = with_joint_angles(simulate_gait(stand(2.0), 2.0).truth)
     gait = analyze_gait(result).people
@@ -111,7 +123,7 @@ def test_angles_are_averaged_from_strike_to_strike():
         for time in (0.5, 1.5, 2.5, 3.5)
     ]
     angle = np.stack([np.sin(2.0 * np.pi * (time_s - 0.5)), np.cos(time_s)], axis=1)
-    cycles = gait_cycles(paths, events, Levels.none(), {"hip_flexion": angle})
+    cycles = gait_cycles(paths, events, Levels.none(), {"hip_flexion": angle}, np.zeros(2))
     (found,) = (each for each in cycles if each.signal == "hip_flexion_deg")
     assert (found.side, found.n.min()) == (SIDES[0], 3)
     np.testing.assert_allclose(found.mean, np.sin(2.0 * np.pi * np.arange(101) / 100.0), atol=1e-3)
