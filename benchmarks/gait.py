@@ -15,6 +15,7 @@ import numpy as np
 
 from posefuse.biomechanics.foot_paths import foot_paths
 from posefuse.biomechanics.gait import Gait
+from posefuse.biomechanics.gait_events import steps_of, strides_of
 from posefuse.biomechanics.gait_parameters import mean_of
 from posefuse.model.options.options import Options, Switch
 from posefuse.pipeline.gait import analyze_gait
@@ -171,25 +172,22 @@ def score(case: Case, gait: Gait, feet_m: np.ndarray, true_m: np.ndarray) -> Sco
 
 
 def _parameter_errors(case: Case, gait: Gait) -> tuple[float, float]:
-    """Return the error of the mean step length in m and the relative error of the cadence, over the found steps."""
+    """Return the error of the mean step length in m and the relative error of the cadence, over the same strides."""
     step, cadence = (mean_of(gait.parameters, name) for name in ("step_length_m", "cadence_steps_min"))
     if case.plan is None or step is None or cadence is None:
         return float("nan"), float("nan")
-    # The truth over the same steps: a step whose strike is missed or attributed to another stance has no duration.
     strikes = [each for each in gait.events if each.kind == "heel_strike" and not each.closing]
-    lengths, times = [], []
-    for i, strike in enumerate(strikes[1:], start=1):
-        before = strikes[i - 1]
-        if before.bout != strike.bout or before.side == strike.side or not (before.agreed and strike.agreed):
-            continue
-        times.append(_stance(case.motion.feet[strike.side], strike.time_s)[1] - _stance(
-            case.motion.feet[before.side], before.time_s)[1])  # fmt: skip
-        if i > 1 and strikes[i - 2].side == strike.side and strikes[i - 2].bout == strike.bout:
-            places = [_stance(case.motion.feet[each.side], each.time_s)[0] for each in (strikes[i - 2], before, strike)]
-            along = places[2] - places[0]
+    feet = case.motion.feet
+    true_s = {each: _stance(feet[each.side], each.time_s)[1] for each in strikes}
+    true_m = {each: _stance(feet[each.side], each.time_s)[0] for each in strikes}
+    lengths = []
+    for before, strike in steps_of(gait.events):
+        own = [each for each in strikes if each.side == strike.side and each.time_s < before.time_s]
+        if own and own[-1].bout == strike.bout:
+            along = true_m[strike] - true_m[own[-1]]
             size = float(np.linalg.norm(along))
-            lengths.append(float((places[2] - places[1]) @ along) / size if size > 0 else np.nan)
-    true_cadence = 60.0 / float(np.mean(times))
+            lengths.append(float((true_m[strike] - true_m[before]) @ along) / size if size > 0 else np.nan)
+    true_cadence = 120.0 / float(np.mean([true_s[last] - true_s[first] for first, last in strides_of(gait.events)]))
     return step.value - float(np.nanmean(lengths)), cadence.value / true_cadence - 1.0
 
 

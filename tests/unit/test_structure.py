@@ -94,7 +94,6 @@ TESTED_ELSEWHERE = {
         "biomechanics/floor_levels.py",
         "biomechanics/foot_paths.py",
         "biomechanics/gait_events.py",
-        "biomechanics/gait_parameters.py",
     ),
     "unit/calibration/scene/test_calibration.py": ("calibration/scene/first_pose.py",),
     "unit/calibration/test_refine.py": (

@@ -48,8 +48,9 @@ def analyze_person(paths: FootPaths, angles_deg: Mapping[str, np.ndarray] | None
     contact, intervals = timed_contact(paths)
     events = gait_events(paths, intervals)
     repetitions = find_repetitions(paths, intervals, events)
-    parameters = gait_parameters(paths, events, contact.model.ground_m_s) + _repetition_parameters(repetitions)
     model = contact.model
+    parameters = gait_parameters(paths, events, intervals, model.ground_m_s)
+    parameters += _repetition_parameters(repetitions)
     cycles = gait_cycles(paths, events, model.levels, angles_deg or {}, model.ground_m_s)
     return Gait(contact, intervals, events, repetitions, parameters, cycles)
 

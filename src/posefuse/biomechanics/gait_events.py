@@ -25,6 +25,9 @@ _STEP_S = (0.15, 1.6)
 """Shortest and longest step."""
 _MIN_STEPS = 4
 """Heel strikes of alternating feet that make a bout."""
+_UNUSUAL = 0.5
+"""Difference of a step or stride from the median duration of its bout and side, as a share of it, from which on it
+contains a pause or a missed step."""
 _MERGE_S = 0.05
 _SMOOTHING_S = 0.02
 
@@ -217,12 +220,39 @@ def _in_bout(event: GaitEvent, bout: int) -> GaitEvent:
 
 
 def strides_of(events: list[GaitEvent]) -> list[tuple[GaitEvent, GaitEvent]]:
-    """Return pairs of consecutive heel strikes of the same foot in a bout that both methods found."""
+    """Return pairs of consecutive heel strikes of the same foot in a bout that both methods found, in order of time."""
     found = []
     for side in (0, 1):
-        strikes = [
-            event for event in events if event.kind == "heel_strike" and event.side == side and not event.closing
-        ]
-        pairs = [(a, b) for a, b in pairwise(strikes) if a.bout == b.bout and b.time_s - a.time_s < 2 * _STEP_S[1]]
-        found += [(a, b) for a, b in pairs if a.agreed and b.agreed]
-    return sorted(found, key=lambda pair: pair[0].time_s)
+        found += [pair for pair in pairwise(_strikes(events, side)) if pair[1].time_s - pair[0].time_s < 2 * _STEP_S[1]]
+    return _usual(found)
+
+
+def steps_of(events: list[GaitEvent]) -> list[tuple[GaitEvent, GaitEvent]]:
+    """Return pairs of consecutive heel strikes of both feet in a bout that both methods found, in order of time."""
+    return _usual([(before, strike) for before, strike in pairwise(_strikes(events)) if before.side != strike.side])
+
+
+def _strikes(events: list[GaitEvent], side: int | None = None) -> list[GaitEvent]:
+    """Return the heel strikes of a foot or of both that end a step or stride."""
+    return [
+        event for event in events if event.kind == "heel_strike" and not event.closing and side in (None, event.side)
+    ]
+
+
+def _usual(pairs: list[tuple[GaitEvent, GaitEvent]]) -> list[tuple[GaitEvent, GaitEvent]]:
+    """Return the pairs within bouts whose strikes both methods found and that contain no pause or missed step.
+
+    Args:
+        pairs: consecutive strikes. A strike that only one method found separates its neighbors, which are no pair.
+    """
+    durations: dict[tuple[int, int], list[float]] = {}
+    pairs = [(a, b) for a, b in pairs if a.bout == b.bout and a.agreed and b.agreed]
+    for a, b in pairs:
+        durations.setdefault((b.bout, b.side), []).append(b.time_s - a.time_s)
+    middles = {key: float(np.median(each)) for key, each in durations.items()}
+    usual = [(a, b) for a, b in pairs if _is_usual(b.time_s - a.time_s, middles[b.bout, b.side])]
+    return sorted(usual, key=lambda pair: pair[0].time_s)
+
+
+def _is_usual(duration_s: float, middle_s: float) -> bool:
+    return abs(duration_s - middle_s) <= _UNUSUAL * middle_s

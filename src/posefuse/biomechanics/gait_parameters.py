@@ -1,17 +1,29 @@
-"""Spatio-temporal parameters of gait, each with its standard deviation over steps and the 95 % interval of its mean."""
+"""Spatio-temporal parameters of gait, each with its standard deviation over steps and the 95 % interval of its mean.
+
+Cadence, speed and stride length rest on the same strides: speed is stride length times cadence over 120.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
-from scipy.special import stdtrit
 
+from posefuse.biomechanics.contact_times import Interval
 from posefuse.biomechanics.foot_paths import HEEL, SIDES, FootPaths
-from posefuse.biomechanics.gait_events import GaitEvent, strides_of
+from posefuse.biomechanics.gait_events import GaitEvent, foot_stances, steps_of, strides_of
+from posefuse.biomechanics.mean_intervals import (
+    MIN_VALUES,
+    NO_INTERVAL,
+    Scale,
+    difference_interval,
+    mean_interval,
+    scale_of,
+)
 
 _REST_SHARE = (0.1, 0.5)
 """Part of a stance in which the heel rests, as shares from heel strike to toe-off."""
+_TOUCHED_SHARE = 0.8
+"""Share of a stance in which contact shows the foot on the ground; strike and toe-off are means of two methods."""
 _SYMMETRIC = ("step_length_m", "step_time_s", "stance_percent", "single_support_percent")
 
 
@@ -23,9 +35,9 @@ class GaitParameter:
         name: name with the unit as suffix.
         side: ``left``, ``right`` or ``both``.
         value: mean over steps or strides.
-        sd: standard deviation over steps or strides, NaN for a single one.
-        n: number of steps or strides.
-        low95: lower end of the 95 % interval of the mean, NaN for a single one.
+        sd: standard deviation over steps or strides, NaN for a single one; of an asymmetry, its standard error.
+        n: number of steps or strides; of an asymmetry, that of the side with fewer.
+        low95: lower end of the 95 % interval of the mean, NaN for fewer than four values.
         high95: upper end.
     """
 
@@ -38,20 +50,25 @@ class GaitParameter:
     high95: float
 
 
-def gait_parameters(paths: FootPaths, events: list[GaitEvent], ground_m_s: np.ndarray) -> list[GaitParameter]:
+def gait_parameters(
+    paths: FootPaths, events: list[GaitEvent], contacts: list[list[list[Interval]]], ground_m_s: np.ndarray
+) -> list[GaitParameter]:
     """Return the parameters of all bouts together; none without strides.
+
+    Events that only one method found count for none, and a stance counts if contact shows it: feet that slide in every
+    step have strikes and toe-offs by their extremes, but touch the ground only briefly.
 
     Args:
         paths: paths of the person.
         events: heel strikes and toe-offs.
+        contacts: contact intervals by side and part.
         ground_m_s: shape (2,): velocity of a treadmill's belt, zero overground.
     """
-    steps = _Steps.of(paths, events, ground_m_s)
+    steps = _Steps.of(paths, events, contacts, ground_m_s)
     for first, last in strides_of(events):
         steps.add_stride(first, last)
-    for before, strike in pairwise(steps.strikes):
-        if before.bout == strike.bout and before.side != strike.side and before.agreed and strike.agreed:
-            steps.add_step(before, strike)
+    for before, strike in steps_of(events):
+        steps.add_step(before, strike)
     return _summaries(steps.values)
 
 
@@ -61,27 +78,38 @@ class _Steps:
 
     Attributes:
         strikes: heel strikes in order.
-        offs: toe-offs in order.
+        offs: toe-offs in order that both methods found.
+        stances: contact of each foot.
         places_m: horizontal position of the resting heel after each strike.
         values: values by parameter and side.
     """
 
     strikes: list[GaitEvent]
     offs: list[GaitEvent]
+    stances: list[list[Interval]]
     places_m: dict[GaitEvent, np.ndarray]
     values: dict[tuple[str, str], list[float]]
 
     @classmethod
-    def of(cls, paths: FootPaths, events: list[GaitEvent], ground_m_s: np.ndarray) -> "_Steps":
+    def of(
+        cls, paths: FootPaths, events: list[GaitEvent], contacts: list[list[list[Interval]]], ground_m_s: np.ndarray
+    ) -> "_Steps":
         strikes = [event for event in events if event.kind == "heel_strike" and not event.closing]
         offs = [event for event in events if event.kind == "toe_off"]
         places = {strike: _place(paths, strike, _next(offs, strike), ground_m_s) for strike in strikes}
-        return cls(strikes, offs, places, {})
+        return cls(
+            strikes, [off for off in offs if off.agreed], [foot_stances(parts) for parts in contacts], places, {}
+        )
 
     def add(self, name: str, side: int, value: float) -> None:
         """Add a value, unless it is unknown."""
         if np.isfinite(value):
             self.values.setdefault((name, SIDES[side]), []).append(float(value))
+
+    def touches(self, side: int, start_s: float, end_s: float) -> bool:
+        """Return whether a foot touches the ground in most of an interval."""
+        inside = (min(each.end_s, end_s) - max(each.start_s, start_s) for each in self.stances[side])
+        return sum(max(duration, 0.0) for duration in inside) >= _TOUCHED_SHARE * (end_s - start_s)
 
     def add_step(self, before: GaitEvent, strike: GaitEvent) -> None:
         """Add the parameters of a step from the other foot's strike to this one."""
@@ -94,14 +122,15 @@ class _Steps:
             self.add("step_width_m", strike.side, width)
 
     def add_stride(self, first: GaitEvent, last: GaitEvent) -> None:
-        """Add the parameters of a stride."""
+        """Add the parameters of a stride; none without the places of the heel, so that all rest on the same strides."""
         duration, side = last.time_s - first.time_s, first.side
         length = float(np.linalg.norm(self.places_m[last] - self.places_m[first]))
+        if not np.isfinite(length):
+            return
         self.add("stride_time_s", side, duration)
         self.add("stride_length_m", side, length)
-        self.add("speed_m_s", side, length / duration)
         off = _next(self.offs, first)
-        if off is None or off.time_s >= last.time_s:
+        if off is None or off.time_s >= last.time_s or not self.touches(side, first.time_s, off.time_s):
             return
         stance = off.time_s - first.time_s
         self.add("stance_time_s", side, stance)
@@ -113,7 +142,7 @@ class _Steps:
             (each for each in self.strikes if each.side != side and first.time_s < each.time_s < last.time_s), None
         )
         leaves = [each.time_s for each in self.offs if each.side != side]
-        if other is None:
+        if other is None or not other.agreed:
             return
         leave = max((time for time in leaves if time < other.time_s), default=np.nan)
         if not first.time_s - 0.3 * duration < leave < off.time_s:
@@ -156,47 +185,62 @@ def _summaries(values: dict[tuple[str, str], list[float]]) -> list[GaitParameter
     """Return the parameters of each side, of both sides, and their symmetry."""
     found = []
     for name in dict.fromkeys(name for name, _ in values):
-        sides = [np.array(values.get((name, side), [])) for side in SIDES]
-        found += [summary(name, side, each) for side, each in zip(SIDES, sides, strict=True) if len(each)]
-        found.append(summary(name, "both", np.concatenate(sides)))
-        if name == "step_time_s":
+        sides = {side: np.array(values.get((name, side), [])) for side in SIDES}
+        every = {**sides, "both": np.concatenate(list(sides.values()))}
+        found += [summary(name, side, each) for side, each in every.items() if len(each)]
+        if name == "stride_time_s":
             found += [_cadence(each) for each in found if each.name == name]
-        if name in _SYMMETRIC and min(len(each) for each in sides) > 1:
-            found.append(_asymmetry(name, *sides))
+        if name == "stride_length_m":
+            times = {side: np.array(values.get(("stride_time_s", side), [])) for side in SIDES}
+            times["both"] = np.concatenate(list(times.values()))
+            found += [_speed(side, each, times[side]) for side, each in every.items() if len(each)]
+        if name in _SYMMETRIC and min(len(each) for each in sides.values()) > 1:
+            found += _asymmetry(name, *sides.values())
     return found
 
 
 def summary(name: str, side: str, values: np.ndarray) -> GaitParameter:
-    """Return the mean, the standard deviation, and the 95 % interval of the mean by Student's t-distribution."""
+    """Return the mean and the standard deviation, and the 95 % interval of the mean if there are enough values.
+
+    Args:
+        name: name of the parameter with its unit as suffix.
+        side: ``left``, ``right`` or ``both``.
+        values: shape (value,): at least one.
+    """
     n, mean = len(values), float(values.mean())
-    if n < 2:
-        return GaitParameter(name, side, mean, float("nan"), n, float("nan"), float("nan"))
-    sd = float(values.std(ddof=1))
-    half = float(stdtrit(n - 1, 0.975)) * sd / np.sqrt(n)
-    return GaitParameter(name, side, mean, sd, n, mean - half, mean + half)
+    sd = float(values.std(ddof=1)) if n > 1 else float("nan")
+    return _parameter(name, side, mean, sd, n, scale_of(name, values))
 
 
-def _cadence(step_time: GaitParameter) -> GaitParameter:
-    """Return the steps per minute of a mean step time, so that errors of single strikes cancel."""
-    value = 60.0 / step_time.value
-    sd = value * step_time.sd / step_time.value
-    # Short steps are fast; the interval of few steps may contain a time of zero.
-    high = 60.0 / step_time.low95 if step_time.low95 > 0.0 else np.inf if step_time.n > 1 else np.nan
-    return GaitParameter("cadence_steps_min", step_time.side, value, sd, step_time.n, 60.0 / step_time.high95, high)
+def _parameter(name: str, side: str, mean: float, sd: float, n: int, scale: Scale) -> GaitParameter:
+    ends = NO_INTERVAL if n < MIN_VALUES else mean_interval(mean, sd / np.sqrt(n), n - 1, scale)
+    return GaitParameter(name, side, mean, sd, n, *ends)
 
 
-def _asymmetry(name: str, left: np.ndarray, right: np.ndarray) -> GaitParameter:
-    """Return the difference right minus left as a percentage of their mean, with the interval of Welch's test."""
-    middle = 0.5 * (left.mean() + right.mean())
-    parts = [each.var(ddof=1) / len(each) for each in (left, right)]
-    error = float(np.sqrt(sum(parts)))
-    spread = sum(part**2 / (len(each) - 1) for part, each in zip(parts, (left, right), strict=True))
-    freedom = sum(parts) ** 2 / spread if spread > 0 else 1.0
-    value, scale = 100.0 * float(right.mean() - left.mean()) / middle, 100.0 / abs(middle)
-    half = float(stdtrit(freedom, 0.975)) * error * scale
+def _cadence(stride_time: GaitParameter) -> GaitParameter:
+    """Return the steps per minute of a mean stride time, so that errors of single strikes cancel."""
+    value, n = 120.0 / stride_time.value, stride_time.n
+    return _parameter(
+        "cadence_steps_min", stride_time.side, value, value * stride_time.sd / stride_time.value, n, "log"
+    )
+
+
+def _speed(side: str, lengths_m: np.ndarray, times_s: np.ndarray) -> GaitParameter:
+    """Return the length of all strides over their time, so that it is the product of stride length and cadence."""
+    n, value = len(lengths_m), float(lengths_m.sum() / times_s.sum())
+    # The standard deviation of a ratio of means is that of its residuals (Cochran 1977, Sampling Techniques, 6.3).
+    rest = (lengths_m - value * times_s) / times_s.mean()
+    sd = float(np.sqrt(np.square(rest).sum() / (n - 1))) if n > 1 else float("nan")
+    return _parameter("speed_m_s", side, value, sd, n, "log" if value > 0.0 else "linear")
+
+
+def _asymmetry(name: str, left: np.ndarray, right: np.ndarray) -> list[GaitParameter]:
+    """Return the difference right minus left as a percentage of their mean; none of means that are not positive."""
+    value, error, low, high = difference_interval(left, right)
+    if not np.isfinite(value):
+        return []
     stem = name.rsplit("_", 1)[0]
-    n = min(len(left), len(right))
-    return GaitParameter(f"{stem}_asymmetry_percent", "both", value, error * scale, n, value - half, value + half)
+    return [GaitParameter(f"{stem}_asymmetry_percent", "both", value, error, min(len(left), len(right)), low, high)]
 
 
 def mean_of(parameters: Iterable[GaitParameter], name: str, side: str = "both") -> GaitParameter | None:

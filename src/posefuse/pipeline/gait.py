@@ -9,7 +9,8 @@ from posefuse.arguments import checked
 from posefuse.biomechanics.foot_paths import SIDES, foot_paths, has_feet
 from posefuse.biomechanics.gait import Gait, analyze_person
 from posefuse.biomechanics.gait_parameters import mean_of
-from posefuse.model.joint_angles import OPENSIM, WITHIN_95
+from posefuse.biomechanics.mean_intervals import half_width_of_one
+from posefuse.model.joint_angles import OPENSIM
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.track_events import Event
@@ -98,9 +99,8 @@ class GaitResult:
             "percent": np.tile(np.arange(size), len(rows)),
         }
         columns |= {name: np.concatenate([getattr(each, name) for _, each in rows]) for name in ("mean", "sd", "n")}
-        columns["low95"], columns["high95"] = (
-            columns["mean"] + sign * WITHIN_95 * columns["sd"] for sign in (-1.0, 1.0)
-        )
+        half = half_width_of_one(columns["sd"], columns["n"])
+        columns |= {"low95": columns["mean"] - half, "high95": columns["mean"] + half}
         return {**columns, "layer": np.array([self.layer] * len(rows) * size, dtype=object)}
 
 
@@ -146,16 +146,31 @@ def _line(person: str, gait: Gait) -> str:
     parts = []
     steps = sum(event.kind == "heel_strike" for event in gait.events)
     if steps:
-        parts.append(f"{steps} steps")
-        for name, text, digits in (
-            ("cadence_steps_min", "steps/min", 0), ("speed_m_s", "m/s", 2), ("step_length_m", "m per step", 2),
-        ):  # fmt: skip
-            mean = mean_of(gait.parameters, name)
-            if mean is not None:
-                parts.append(f"{mean.value:.{digits}f} {text}")
-    for kind, noun in (("jump", "jumps"), ("squat", "squats"), ("sit_to_stand", "rises from a seat")):
+        parts.append(_counted(steps, "step", "steps"))
+        parts += _of_strides(gait)
+    for kind, one, several in (
+        ("jump", "jump", "jumps"), ("squat", "squat", "squats"),
+        ("sit_to_stand", "rise from a seat", "rises from a seat"),
+    ):  # fmt: skip
         own = [each.size_m for each in gait.repetitions if each.kind == kind]
         if own:
-            parts.append(f"{len(own)} {noun[:-1] if len(own) == 1 and noun.endswith('s') else noun} "
-                         f"({float(np.mean(own)):.2f} m)")  # fmt: skip
+            parts.append(f"{_counted(len(own), one, several)} ({float(np.mean(own)):.2f} m)")
     return f"{person}: {', '.join(parts)}" if parts else ""
+
+
+def _of_strides(gait: Gait) -> list[str]:
+    """Return cadence, speed and stride length with the number of strides that all three rest on."""
+    cadence, speed, length = (
+        mean_of(gait.parameters, name) for name in ("cadence_steps_min", "speed_m_s", "stride_length_m")
+    )
+    if cadence is None or speed is None or length is None:
+        return []
+    return [
+        f"{cadence.value:.0f} steps/min",
+        f"{speed.value:.2f} m/s",
+        f"{length.value:.2f} m per stride (from {_counted(length.n, 'stride', 'strides')})",
+    ]
+
+
+def _counted(n: int, one: str, several: str) -> str:
+    return f"{n} {one if n == 1 else several}"

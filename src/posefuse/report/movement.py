@@ -10,6 +10,7 @@ from posefuse.biomechanics.cycles import Cycle
 from posefuse.biomechanics.foot_paths import PARTS, SIDES
 from posefuse.biomechanics.gait import Gait
 from posefuse.biomechanics.gait_parameters import GaitParameter, mean_of
+from posefuse.biomechanics.mean_intervals import MIN_VALUES
 from posefuse.model.joint_angles import JointAngles
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.report.matplotlib_extra import BLUE, ORANGE
@@ -48,7 +49,8 @@ def movement_section(result: Reconstruction, gait: Mapping[str, Gait]) -> str:
     parts = []
     if _has_contact(gait):
         parts.append(
-            "<section><h2>Foot contact</h2><p>When heels and toes touch the ground. "
+            "<section><h2>Foot contact</h2><p>When heels and toes touch the ground: they are near it and move like it. "
+            "Contact of feet that slide in every step is brief. "
             '<span class="screen">Select a bar to see its frame.</span></p><div id="contact" class="chart" role="img" '
             'aria-label="Foot contact over time"></div></section>'
         )
@@ -71,7 +73,7 @@ def movement_section(result: Reconstruction, gait: Mapping[str, Gait]) -> str:
 
 
 def _parameter_table(person: str, gait: Gait, named: bool) -> str:
-    """Return the table of a person's parameters: mean, standard deviation and 95 % interval of the mean."""
+    """Return the table of a person's parameters: mean, standard deviation, 95 % interval of the mean, and number."""
     if not gait.parameters:
         return ""
     names = tuple(dict.fromkeys(each.name for each in gait.parameters))
@@ -83,7 +85,10 @@ def _parameter_table(person: str, gait: Gait, named: bool) -> str:
     title = f"<h3>{escape(person)}</h3>" if named else ""
     return (
         f'{title}<div class="wide"><table class="parameters"><tr>{head}</tr>{"".join(rows)}</table></div>'
-        "<p>Mean &plusmn; standard deviation over steps, strides or repetitions (95 % interval of the mean).</p>"
+        "<p>Mean &plusmn; standard deviation over n steps, strides or repetitions (95 % interval of the mean, for "
+        f"n &ge; {MIN_VALUES}); of asymmetries, &plusmn; standard error. "
+        "Heel strikes and toe-offs count if contact and the path of the foot both show them, "
+        "and stances if the foot is in contact during them.</p>"
     )
 
 
@@ -91,11 +96,12 @@ def _cell(parameter: GaitParameter | None) -> str:
     if parameter is None:
         return "&ndash;"
     digits = 1 if parameter.name.endswith(("_percent", "_min")) else 3 if parameter.name.endswith("_s") else 2
-    value = f"{parameter.value:.{digits}f}"
-    if not np.isfinite(parameter.sd):
-        return value
-    interval = f"{parameter.low95:.{digits}f} to {parameter.high95:.{digits}f}"
-    return f"{value} &plusmn; {parameter.sd:.{digits}f} ({interval})"
+    text = f"{parameter.value:.{digits}f}"
+    if np.isfinite(parameter.sd):
+        text += f" &plusmn; {parameter.sd:.{digits}f}"
+    if np.isfinite(parameter.low95):
+        text += f" ({parameter.low95:.{digits}f} to {parameter.high95:.{digits}f})"
+    return f"{text}, n&nbsp;=&nbsp;{parameter.n}"
 
 
 def _has_contact(gait: Mapping[str, Gait]) -> bool:

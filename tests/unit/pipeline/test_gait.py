@@ -1,6 +1,7 @@
 """Gait of a result: tables, events, contact in the file, and what is left out."""
 
 import csv
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -45,7 +46,41 @@ def test_tables_are_tidy(folder):
     assert float(cadence["low95"]) < float(cadence["value"]) < float(cadence["high95"])
     cycles = rows_of(folder / "cycles.csv")
     assert {float(row["percent"]) for row in cycles} == set(range(101))
-    assert all(float(row["low95"]) <= float(row["mean"]) <= float(row["high95"]) for row in cycles if row["sd"])
+    assert all(float(row["low95"]) <= float(row["mean"]) <= float(row["high95"]) for row in cycles if row["low95"])
+
+
+@pytest.mark.parametrize("strides", [3, 4])
+def test_intervals_need_four_values_and_are_empty_otherwise(strides, tmp_path):
+    plan = WalkPlan(strides=strides)
+    result = simulate_gait(walk(plan), plan.duration_s).truth
+    netcdf.write([result], tmp_path / "reconstruction.nc")
+    write_outputs(netcdf.read_reconstruction(tmp_path / "reconstruction.nc"), tmp_path, Silent())
+    for name in ("gait.csv", "cycles.csv"):
+        rows = rows_of(tmp_path / name)
+        assert min(int(float(row["n"])) for row in rows) < 4
+        for row in rows:
+            assert (row["low95"] != "") == (row["high95"] != "") == (int(float(row["n"])) >= 4)
+            assert "inf" not in "".join((row["low95"], row["high95"], row["sd"]))
+
+
+def test_numbers_of_the_summary_rest_on_the_same_strides(result):
+    gait = analyze_gait(result)
+    (line,) = gait.summary()
+    found = re.fullmatch(
+        r"person_1: (\d+) steps, (\d+) steps/min, ([\d.]+) m/s, ([\d.]+) m per stride \(from (\d+) strides\)", line
+    )
+    cadence, speed, length = (float(found[i]) for i in (2, 3, 4))
+    assert speed == pytest.approx(cadence * length / 120.0, abs=0.02)
+    columns = gait.tables()["gait.csv"]
+    for name in ("cadence_steps_min", "speed_m_s", "stride_length_m", "stride_time_s"):
+        assert columns["n"][(columns["parameter"] == name) & (columns["side"] == "both")].tolist() == [int(found[5])]
+
+
+def test_a_person_without_strides_has_no_numbers_of_strides(result):
+    gait = analyze_gait(result)
+    (person,) = gait.people.values()
+    without = replace(person, parameters=[])
+    assert replace(gait, people={"person_1": without}).summary()[0].endswith(" steps")
 
 
 def test_the_pelvis_turns_relative_to_the_path_and_not_to_the_world():
