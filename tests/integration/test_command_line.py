@@ -139,6 +139,7 @@ def test_demo(run, tmp_path):
     assert "half of what was measured on OpenPose" in words
     # The first number that a newcomer reads.
     assert float(re.search(r"beyond 5 cm ([\d.]+) %", words).group(1)) < 5.0
+    assert re.search(r"gait: person_1: \d+ steps, .* \(from \d+ strides\)", words)
     assert "Comparison with the ground truth" in (tmp_path / "demo" / "result" / "report.html").read_text()
 
 

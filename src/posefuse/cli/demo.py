@@ -25,7 +25,7 @@ def demo(
 
     The folder of an earlier demo is replaced.
     """
-    from posefuse.cli.describe_result import describe_result
+    from posefuse.cli.describe_result import describe_gait, describe_result
     from posefuse.cli.evaluate import NumbersFile, evaluate
     from posefuse.cli.report import report
     from posefuse.cli.simulate import TRUTH, write_scene
@@ -49,7 +49,9 @@ def demo(
     with replacing_folder(recording, marker=TRUTH, owned=(TRUTH,)) as staging:
         write_scene(simulate(SceneOptions(seed=seed, detector=CURRENT)), staging)
     say("Reconstructing")
-    describe_result(reconstruct_recording(recording, result, overwrite=True, progress=Bars()).open())
+    outcome = reconstruct_recording(recording, result, overwrite=True, progress=Bars())
+    describe_result(outcome.open())
+    describe_gait(outcome.gait)
     evaluate(result, (recording / TRUTH,), numbers=NumbersFile(overwrite=True))
     report(result, truth=(recording / TRUTH,), name=output.resolve().name, overwrite=True)
     say(f"The report: {(result / 'report.html').resolve().as_uri()}")
