@@ -62,17 +62,18 @@ def batch_page(outcomes: Sequence[JobResult]) -> str:
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>posefuse: {heading}</title><style>{css}</style>"
         f"<h1>{heading}</h1><p>{n_done} reconstructed, {len(failed)} not.</p>{failures}"
-        f'<h2>Recordings</h2><div class="wide"><table><tr>{head}</tr>{rows}</table></div></html>\n'
+        f'<h2>Recordings</h2><div class="wide"><table class="batch"><tr>{head}</tr>{rows}</table></div></html>\n'
     )
 
 
 def _reasons(heading: str, outcomes: Sequence[JobResult]) -> str:
-    """Return a table of recordings with reasons; empty if there are none."""
-    rows = "".join(f"<tr><th>{escape(each.name)}</th><td>{message_html(each.why)}</td></tr>" for each in outcomes)
-    return f"<h2>{heading}</h2><table>{rows}</table>" if rows else ""
+    """Return a list of recordings with reasons; empty if there are none."""
+    rows = "".join(f"<dt>{escape(each.name)}</dt><dd>{message_html(each.why)}</dd>" for each in outcomes)
+    return f'<h2>{heading}</h2><dl class="reasons">{rows}</dl>' if rows else ""
 
 
 def _row(each: JobResult) -> str:
+    """Return the numbers of a recording, and below them its warnings over the whole width of the table."""
     name = escape(each.name)
     if each.statistics is None:
         cells = [name, _outcome(each), *[""] * (len(_HEADINGS) - 2)]
@@ -84,8 +85,14 @@ def _row(each: JobResult) -> str:
             _format(n.seconds, 1), str(n.cameras), str(n.people), _format(share, 1, " %"), _format(n.median_px, 2),
             _format(n.p90_px, 2), _format(n.sd_mm, 1),
         ]  # fmt: skip
-    notes = "".join(f'<br><span class="hint">{message_html(warning)}</span>' for warning in each.warnings)
-    return "<tr>" + "".join(f"<td>{cell}</td>" for cell in [cells[0] + notes, *cells[1:]]) + "</tr>"
+    numbers = "".join(f"<td>{cell}</td>" for cell in cells)
+    if not each.warnings:
+        return f"<tr>{numbers}</tr>"
+    warnings = "".join(f"<p>{message_html(warning)}</p>" for warning in each.warnings)
+    return (
+        f'<tr class="warned">{numbers}</tr>'
+        f'<tr class="warning"><td colspan="{len(_HEADINGS)}"><div class="hint">{warnings}</div></td></tr>'
+    )
 
 
 def _outcome(each: JobResult) -> str:

@@ -17,6 +17,14 @@ def test_names_are_escaped_in_the_page():
     assert table.endswith("c,reconstructed,30,1.0,4,2,0.98,12.0,24.0,,,\n")
 
 
+def test_warnings_have_a_row_of_their_own():
+    page = batch_page([JobResult("walk", "done", "", STATISTICS, ("No common trigger.", "Set `sync`."))])
+    numbers, warnings = page.split('<tr class="warned">')[1].split('<tr class="warning">')
+    assert "No common trigger" not in numbers
+    assert warnings.startswith('<td colspan="10">')
+    assert "<p>No common trigger.</p>" in warnings
+
+
 def test_kept_results_are_written_like_new_ones():
     done, before = (JobResult("c", state, "", STATISTICS) for state in ("done", "kept"))
     assert (batch_csv([done]), batch_page([done])) == (batch_csv([before]), batch_page([before]))
