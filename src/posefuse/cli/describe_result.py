@@ -112,7 +112,7 @@ def _describe_points(result: Reconstruction, layer: LayerName, summary: "Summary
     if not result.has_identities:
         say(people_per_frame(result))
     elif len(result.person_ids) != 1 or result.events:
-        _describe_people(result, layer)
+        _describe_people(result, layer, summary)
     if not with_points and summary.n_points:
         totals = zip(summary.view_status_counts.sum(axis=0), ViewStatus, strict=True)
         _, cause = max((int(n), code) for n, code in totals if code not in USED_CODES)
@@ -133,7 +133,7 @@ def _describe_cameras(result: Reconstruction, summary: "Summary") -> None:
     _say_rest(rows, shown, "camera", "with smaller errors")
 
 
-def _describe_people(result: Reconstruction, layer: LayerName) -> None:
+def _describe_people(result: Reconstruction, layer: LayerName, summary: "Summary") -> None:
     """Print the tracks of all people and their most important events."""
     from posefuse.io.results.write import people_with_frames
     from posefuse.model.tracks import TrackState
@@ -156,11 +156,12 @@ def _describe_people(result: Reconstruction, layer: LayerName) -> None:
         return
     timed = bool(np.isfinite(result.time_s).all())
     rows = []
-    for life in people:
+    for life, error in zip(people, summary.error_px_by_person, strict=True):
         span = max(life.last - life.first + 1, 1)
         shares = [percent(life.frames[state] / span) for state in (TrackState.ACTIVE, TrackState.LOST)]
-        numbers = [f"{value:.1f}" if np.isfinite(value) else "-" for value in (life.n_views, life.error_px)]
-        rows.append([life.name, *presence_interval(result, life), *shares, *numbers])
+        views = f"{life.n_views:.1f}" if np.isfinite(life.n_views) else "-"
+        median = f"{error.median:.2f}" if np.isfinite(error.median) else "-"
+        rows.append([life.name, *presence_interval(result, life), *shares, views, median])
     unit = "s" if timed else "frame"
     shown = _shown(rows, np.arange(len(rows)))
     table(None, [word, f"from {unit}", f"to {unit}", "active", "lost", "cameras", "median px"], shown)

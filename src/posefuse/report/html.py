@@ -135,7 +135,7 @@ class Section:
 def _people(page: PageData) -> str:
     counted = page.has_several_people and page.result.has_identities
     misses = count_misses(page.parts, page.layer) if counted else None
-    return people_section(page.result, summarize_people(page.parts, page.layer), misses)
+    return people_section(page.result, page.summary, summarize_people(page.parts, page.layer), misses)
 
 
 def _versions(page: PageData) -> str:

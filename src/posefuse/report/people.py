@@ -12,6 +12,7 @@ from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.track_events import EVENT_KINDS, Event
 from posefuse.model.tracks import TrackState
+from posefuse.report.summary import Summary
 from posefuse.skeleton.subject_words import subject_heading, subject_words
 
 _MAX_EXPLAINED_EVENTS = 400
@@ -28,7 +29,6 @@ class PersonSummary:
         last: index of the last such frame; -1 if there is none.
         frames: number of frames in each track state.
         has_point: share of keypoints with coordinates while active.
-        error_px: median reprojection error of the points, NaN if there is none.
         n_views: mean number of views with a detection of the person while active.
     """
 
@@ -37,13 +37,12 @@ class PersonSummary:
     last: int
     frames: dict[TrackState, int]
     has_point: float
-    error_px: float
     n_views: float
 
 
 def summarize_people(parts: Iterable[Reconstruction], layer: LayerName) -> tuple[PersonSummary, ...]:
     """Return the statistics of each person from consecutive ranges of frames; empty for a result without tracks."""
-    states, points, errors, views = [], [], [], []
+    states, points, views = [], [], []
     names: tuple[str, ...] = ()
     for part in parts:
         if part.tracks is None:
@@ -51,27 +50,20 @@ def summarize_people(parts: Iterable[Reconstruction], layer: LayerName) -> tuple
         names = part.person_ids
         states.append(np.asarray(part.tracks.state[:]))
         points.append(part.layers[layer].has_point.mean(axis=-1))
-        errors.append(np.asarray(part.layers[layer].reprojection_error_px[:]).astype(np.float32))
         views.append((np.asarray(part.tracks.detection[:]) >= 0).sum(axis=-1))
-    state, share, error, n_views = (np.concatenate(each) for each in (states, points, errors, views))
-    return tuple(
-        _summarize_person(name, state[:, p], share[:, p], error[:, p], n_views[:, p]) for p, name in enumerate(names)
-    )
+    state, share, n_views = (np.concatenate(each) for each in (states, points, views))
+    return tuple(_summarize_person(name, state[:, p], share[:, p], n_views[:, p]) for p, name in enumerate(names))
 
 
-def _summarize_person(
-    name: str, state: np.ndarray, share: np.ndarray, error: np.ndarray, n_views: np.ndarray
-) -> PersonSummary:
+def _summarize_person(name: str, state: np.ndarray, share: np.ndarray, n_views: np.ndarray) -> PersonSummary:
     present = np.flatnonzero(state != TrackState.ABSENT)
     active = state == TrackState.ACTIVE
-    finite = error[np.isfinite(error)]
     return PersonSummary(
         name=name,
         first=int(present[0]) if len(present) else -1,
         last=int(present[-1]) if len(present) else -1,
         frames={each: int((state == each).sum()) for each in TrackState},
         has_point=float(share[active].mean()) if active.any() else float("nan"),
-        error_px=float(np.median(finite)) if len(finite) else float("nan"),
         n_views=float(n_views[active].mean()) if active.any() else float("nan"),
     )
 
@@ -136,7 +128,9 @@ def _runs(state: np.ndarray) -> list[tuple[int, int, int]]:
     return [(int(state[a]), a, b) for a, b in zip(starts, stops, strict=True) if state[a] != TrackState.ABSENT]
 
 
-def people_section(result: Reconstruction, people: Sequence[PersonSummary], misses: Misses | None) -> str:
+def people_section(
+    result: Reconstruction, summary: Summary, people: Sequence[PersonSummary], misses: Misses | None
+) -> str:
     """Return the section as HTML; empty for a single person without events."""
     if result.tracks is None or (len(result.person_ids) == 1 and not result.events):
         return ""
@@ -154,7 +148,8 @@ def people_section(result: Reconstruction, people: Sequence[PersonSummary], miss
         f"<section><h2>{title} over time</h2><p>One line per {one}: thick while active, thin while tentative, dotted "
         f"while lost.{hint}</p>"
         '<div id="track-states" role="img" aria-label="When each subject was tentative, active and lost"></div>'
-        f'<div class="wide">{_people_table(result, people)}</div>{_COLUMN_NOTES}{_misses_table(result, misses)}'
+        f'<div class="wide">{_people_table(result, summary, people)}</div>'
+        f"{_COLUMN_NOTES}{_misses_table(result, misses)}"
         "</section>"
     )
 
@@ -162,7 +157,7 @@ def people_section(result: Reconstruction, people: Sequence[PersonSummary], miss
 _COLUMN_NOTES = (
     '<p class="hint">Active, Tentative, Lost: share of the frames between From and To. Points: share of the subject\'s '
     "keypoints with coordinates while active. Cameras: mean number of cameras with a detection of the subject "
-    "while active. Median error: reprojection error of the subject's points.</p>"
+    "while active. Median error: reprojection error of the subject's used detections, as by camera.</p>"
 )
 
 
@@ -177,7 +172,7 @@ def presence_interval(result: Reconstruction, person: PersonSummary) -> tuple[st
     return str(int(numbers[0])), str(int(numbers[1]))
 
 
-def _people_table(result: Reconstruction, people: Sequence[PersonSummary]) -> str:
+def _people_table(result: Reconstruction, summary: Summary, people: Sequence[PersonSummary]) -> str:
     unit = "s" if np.isfinite(result.time_s).all() else "frame"
     headings = (
         "Color", subject_heading(result.skeleton), f"From, {unit}", f"To, {unit}", "Active", "Tentative", "Lost",
@@ -185,6 +180,7 @@ def _people_table(result: Reconstruction, people: Sequence[PersonSummary]) -> st
     )  # fmt: skip
     rows = []
     for p, person in enumerate(people):
+        error_px = summary.error_px_by_person[p].median
         n_frames = max(person.last - person.first + 1, 1)
         shares = [f"{100 * person.frames[state] / n_frames:.1f} %" for state in _LISTED_STATES]
         cells = (
@@ -193,7 +189,7 @@ def _people_table(result: Reconstruction, people: Sequence[PersonSummary]) -> st
             *shares,
             _percent(person.has_point),
             f"{person.n_views:.1f}" if np.isfinite(person.n_views) else "–",
-            f"{person.error_px:.1f}" if np.isfinite(person.error_px) else "–",
+            f"{error_px:.2f}" if np.isfinite(error_px) else "–",
         )
         chip = f'<td><span class="chip person-{p % 10}"></span></td>'
         rows.append(f"<tr>{chip}" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>")

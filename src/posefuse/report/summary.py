@@ -36,6 +36,7 @@ class Summary:
         view_status_counts: shape (view, ViewStatus): number of observations of each view with each status.
         error_px: reprojection errors of all used observations.
         error_px_by_view: the same for each view.
+        error_px_by_person: the same for each person.
         error_px_by_keypoint: the same for each keypoint.
         missing_by_keypoint: share of points without coordinates for each keypoint.
         sd_mm: standard deviation of the points, root mean square over the axes.
@@ -50,6 +51,7 @@ class Summary:
     view_status_counts: np.ndarray
     error_px: Distribution
     error_px_by_view: tuple[Distribution, ...]
+    error_px_by_person: tuple[Distribution, ...]
     error_px_by_keypoint: tuple[Distribution, ...]
     missing_by_keypoint: np.ndarray
     sd_mm: Distribution
@@ -94,6 +96,7 @@ def summarize(parts: Iterable[Reconstruction], layer_name: LayerName) -> Summary
         view_status_counts=counts.view_status,
         error_px=distribution(error),
         error_px_by_view=tuple(distribution(error[..., v]) for v in range(error.shape[-1])),
+        error_px_by_person=tuple(distribution(error[:, p]) for p in range(error.shape[1])),
         error_px_by_keypoint=tuple(distribution(error[:, :, k]) for k in range(error.shape[2])),
         missing_by_keypoint=counts.missing / np.maximum(counts.status.sum(axis=1), 1),
         sd_mm=distribution(deviations.values),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from posefuse.evaluation.visibility import count_misses
-from posefuse.model.status import PointStatus
+from posefuse.model.status import PointStatus, is_used
 from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
 from posefuse.report.html import render_report
@@ -74,6 +74,22 @@ def test_person_statistics(result):
     assert (first.first, first.last, first.frames[TrackState.TENTATIVE]) == (0, 49, TENTATIVE_FRAMES)
     assert last.frames[TrackState.ABSENT] > 0
     assert first.n_views == pytest.approx((np.asarray(result.tracks.detection)[3:, 0] >= 0).sum(axis=-1).mean())
+
+
+def test_medians_of_people_and_of_cameras_are_over_the_same_errors(result):
+    summary = summarize(result.chunks(), "model")
+    layer = result.layers["model"]
+    used = (
+        is_used(np.asarray(layer.view_status)) & (np.asarray(result.tracks.state) != TrackState.ABSENT)[..., None, None]
+    )
+    errors = np.where(used, np.asarray(layer.view_error_px), np.nan).astype(np.float32)
+    page = render_report(result)
+    for p, person in enumerate(result.person_ids):
+        median = float(np.nanmedian(errors[:, p]))
+        assert summary.error_px_by_person[p].median == pytest.approx(median)
+        row = page.split(f"<td>{person}</td>")[1].split("</tr>")[0]
+        assert row.endswith(f"<td>{median:.2f}</td>")
+    assert sum(each.count for each in summary.error_px_by_person) == sum(e.count for e in summary.error_px_by_view)
 
 
 def test_absent_people_have_no_missing_points(result):
