@@ -161,6 +161,7 @@ def time_series_data(result: Reconstruction, series: TimeSeries) -> dict[str, An
         "time": np.asarray(times)[starts].round(3).tolist(),
         "unit": "s" if timed else "frame",
         "error": [_numbers(column, 2) for column in mean_per_interval(series.error_px, starts).T],
+        "highestError": round(float(np.nanmax(series.error_px)), 1) if np.isfinite(series.error_px).any() else None,
         "views": [_numbers(column, 2) for column in mean_per_interval(series.n_views, starts).T],
         "bones": [f"{a} – {b}" for a, b in series.bones],
         "boneUnit": "mm" if result.unit == "m" else result.unit,

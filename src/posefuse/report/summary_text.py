@@ -109,7 +109,7 @@ def scene_note(stride: int, n_outside: int) -> str:
     ending = {1: "st", 2: "nd", 3: "rd"}.get(stride % 10 if stride % 100 not in (11, 12, 13) else 0, "th")
     sentences = []
     if stride > 1:
-        sentences.append(f"The recording is long, so the scene shows every {stride}{ending} frame.")
+        sentences.append(f"The scene shows every {stride}{ending} frame.")
     if n_outside:
         points = "1 distant outlier is" if n_outside == 1 else f"{n_outside} distant outliers are"
         sentences.append(f"{points} not drawn in the scene.")

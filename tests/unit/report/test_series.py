@@ -1,9 +1,12 @@
 """Time series and gaps against hand-computed values."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from posefuse.model.status import PointStatus
+from posefuse.report.html import render_report
 from posefuse.report.series import (
     FILLED,
     MEASURED,
@@ -14,6 +17,7 @@ from posefuse.report.series import (
     gather_series,
     majority_per_interval,
     mean_per_interval,
+    time_series_data,
 )
 from posefuse.skeleton.skeletons import shipped_skeleton
 from tests.people import simulate_walkers, track_perfectly
@@ -34,6 +38,30 @@ def test_series_are_means_over_each_frame(result):
     a, b = (result.skeleton.index(name) for name in series.bones[0])
     points = np.asarray(layer.points_m)
     np.testing.assert_allclose(series.bones_m[5, 0, 0], np.linalg.norm(points[5, 0, a] - points[5, 0, b]), rtol=1e-6)
+
+
+def test_highest_error_is_that_of_the_worst_frame(result):
+    """Means over time intervals have a lower maximum, which would contradict the highlight of the worst frame."""
+    long = type(result).concatenate(
+        [
+            replace(
+                result,
+                frame_numbers=result.frame_numbers + i * result.n_frames,
+                time_s=result.time_s + 2.0 * i,
+                events=(),
+            )
+            for i in range(40)
+        ]
+    )
+    series = gather_series(long.chunks(), "model", long.skeleton)
+    data = time_series_data(long, series)
+    shown = [value for person in data["error"] for value in person if value is not None]
+    assert data["highestError"] == round(float(np.nanmax(series.error_px)), 1)
+    assert data["highestError"] > max(shown)
+    assert (
+        f": {data['highestError']:.1f} px."
+        in render_report(long).split("The frame with the highest mean error")[1][:60]
+    )
 
 
 def test_edges_of_hands_and_faces_are_not_displayed():

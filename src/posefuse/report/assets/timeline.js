@@ -64,9 +64,8 @@
     rows.forEach(({ side, spans }, r) => spans.forEach(([from, to]) =>
       bar(share(from), share(to), 1 - (r + 0.85) / rows.length, 1 - (r + 0.15) / rows.length, css(sideColor[side]))));
   }
-  const highestError = () => Math.max(...series.error.flat().filter((v) => v !== null), 1e-6);
   function paintError(_, ink, width, height) {
-    const top = highestError();
+    const top = Math.max(series.highestError ?? 0, 1e-6);
     series.error.forEach((values, p) => {
       ink.strokeStyle = personColor(p);
       ink.lineWidth = 1.5;
@@ -87,7 +86,7 @@
     if (series.states.some((person) => person.some((codes) => /[02]/.test(codes)))) strip("gaps", "Share of keypoints that were filled or are missing", 16, paintGaps);
     if (swaps && swaps.share.some((row) => row.some((v) => v > 0))) strip("left/right swaps", "Share of swapped detections of the camera with most of them", 16, paintSwaps);
     if (movement?.contact) strip("foot contact", "When heels and toes touch the ground", 6 * movement.contact.length, paintContact);
-    if (series.error.flat().some((v) => v !== null)) strip(`error ≤ ${highestError().toFixed(1)} px`, "Reprojection error of each person", 36, paintError);
+    if (series.highestError !== null) strip(`error ≤ ${series.highestError.toFixed(1)} px`, "Reprojection error of each person", 36, paintError);
   }
   timeline.hidden = !strips.length;
   if (strips.length) {
