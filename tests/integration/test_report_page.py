@@ -8,8 +8,12 @@ import numpy as np
 import pytest
 
 from posefuse.pipeline import report_videos
+from posefuse.pipeline.gait import analyze_gait
+from posefuse.pipeline.joint_angles import with_joint_angles
 from posefuse.pipeline.report_videos import write_report
 from posefuse.report.html import render_report
+from posefuse.synthetic.gait_plans import WalkPlan, walk
+from posefuse.synthetic.gait_scenes import simulate_gait
 from tests.people import simulate_walkers, track_perfectly
 from tests.videos import coded_video, moving_sticks
 
@@ -154,6 +158,55 @@ def test_print_style_shows_tables_and_hides_controls(page):
     assert not page.locator("#controls").is_visible()
     page.emulate_media(media="screen")
     page.evaluate("dispatchEvent(new Event('afterprint'))")
+
+
+def test_page_counts_as_loading_until_its_charts_are_drawn(browser, file):
+    """Captures of a page that has just loaded are complete."""
+    fresh = browser.new_page(viewport={"width": 1280, "height": 900})
+    fresh.add_init_script(
+        """addEventListener("load", () => {
+          const drawn = document.querySelectorAll(".js-plotly-plot").length;
+          window.atLoad = { drawn, empty: document.querySelectorAll(".chart:empty, .multiples:empty").length };
+        });"""
+    )
+    fresh.goto(file.as_uri())
+    at_load = fresh.evaluate("window.atLoad")
+    assert at_load["empty"] == 0
+    assert at_load["drawn"] == fresh.locator(".js-plotly-plot").count() >= 6
+    assert fresh.locator("iframe").count() == 0
+    fresh.close()
+
+
+OVERLAPS = """() => {
+  const drawn = document.querySelectorAll("#movement .svg-container > .main-svg:first-child");
+  const boxes = [...drawn].map((each) => each.getBoundingClientRect());
+  const meet = (a, b) => a.left < b.right - 1 && b.left < a.right - 1 && a.top < b.bottom - 1 && b.top < a.bottom - 1;
+  return [boxes.length, boxes.filter((a, i) => boxes.slice(0, i).some((b) => meet(a, b))).length];
+}"""
+
+
+@pytest.mark.parametrize("event", ["media", "beforeprint"])
+def test_printed_charts_of_movement_do_not_overlap(browser, tmp_path, event):
+    result = with_joint_angles(simulate_gait(walk(WalkPlan()), WalkPlan().duration_s).truth)
+    analysis = analyze_gait(result)
+    assert analysis is not None
+    path = tmp_path / "report.html"
+    path.write_text(render_report(result, gait=analysis.people), "utf-8")
+    page = browser.new_page(viewport={"width": 1400, "height": 900})
+    page.goto(path.as_uri())
+    on_screen = page.evaluate(OVERLAPS)
+    if event == "beforeprint":
+        page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    page.emulate_media(media="print")
+    page.wait_for_function("document.querySelector('#angles .main-svg').clientWidth < 140")
+    charts, overlapping = page.evaluate(OVERLAPS)
+    assert overlapping == 0
+    assert charts > 12
+    assert page.locator("#cycle-numbers").inner_text()
+    page.emulate_media(media="screen")
+    page.wait_for_function("document.querySelector('#angles .main-svg').clientWidth > 200")
+    assert page.evaluate(OVERLAPS) == on_screen
+    page.close()
 
 
 def test_narrow_dark_screen_needs_no_horizontal_scrolling(page):

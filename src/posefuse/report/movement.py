@@ -57,10 +57,12 @@ def movement_section(result: Reconstruction, gait: Mapping[str, Gait]) -> str:
     if any(each.parameters for each in gait.values()):
         tables = "".join(_parameter_table(person, each, len(gait) > 1) for person, each in gait.items())
         parts.append(f"<section><h2>Gait and repetitions</h2>{tables}</section>")
-    if any(each.cycles for each in gait.values()):
+    with_cycles = [each for each in gait.values() if each.cycles]
+    if with_cycles:
         parts.append(
             "<section><h2>Gait cycles</h2><p>Mean from heel strike to heel strike, and one standard deviation over "
-            'cycles (<span id="cycle-numbers"></span>). Dotted lines mark toe-off. '
+            f'cycles (<span id="cycle-numbers">{_cycle_numbers(with_cycles[0])}</span>). '
+            "Dotted lines mark toe-off. "
             f"Pelvis rotation is relative to the direction of walking. {SIDES_KEY}. "
             '<span id="cycle-people"></span></p><div id="cycles" class="multiples"></div></section>'
         )
@@ -156,12 +158,23 @@ def _cycle_data(person: str, gait: Gait) -> dict[str, Any]:
         own = {cycle.side: cycle for cycle in gait.cycles if cycle.signal == signal}
         digits = 3 if signal.endswith("_m") else 1
         curves = {
-            side: {"mean": _numbers(each.mean, digits), "sd": _numbers(each.sd, digits), "n": int(each.n.max())}
-            for side, each in own.items()
+            side: {"mean": _numbers(each.mean, digits), "sd": _numbers(each.sd, digits)} for side, each in own.items()
         }
         panels.append({"title": signal_title(signal), **curves})
     stance = [mean_of(gait.parameters, "stance_percent", side) for side in SIDES]
-    return {"person": person, "panels": panels, "stance": [each and round(each.value, 1) for each in stance]}
+    return {
+        "person": person,
+        "panels": panels,
+        "numbers": _cycle_numbers(gait),
+        "stance": [each and round(each.value, 1) for each in stance],
+    }
+
+
+def _cycle_numbers(gait: Gait) -> str:
+    """Return the number of cycles of each side in the first chart, such as ``3 left, 2 right``."""
+    first = shown_signals(gait.cycles)[:1]
+    numbers = {each.side: int(each.n.max()) for each in gait.cycles if each.signal in first}
+    return ", ".join(f"{numbers[side]} {side}" for side in SIDES if side in numbers)
 
 
 def _contact_data(gait: Mapping[str, Gait], time_s: np.ndarray, named: bool) -> list[dict[str, Any]]:

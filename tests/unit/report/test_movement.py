@@ -93,6 +93,14 @@ def test_angles_that_pass_half_a_turn_have_circular_means(result):
         assert np.abs(np.array(sides, dtype=float)).min() == pytest.approx(180.0)
 
 
+def test_number_of_cycles_is_stated_without_a_script(result, gait, data):
+    (own,) = gait.values()
+    signal = shown_signals(own.cycles)[0]
+    left, right = (next(int(c.n.max()) for c in own.cycles if (c.signal, c.side) == (signal, side)) for side in SIDES)
+    assert f'<span id="cycle-numbers">{left} left, {right} right</span>' in movement_section(result, gait)
+    assert data["cycles"][0]["numbers"] == f"{left} left, {right} right"
+
+
 def test_standing_has_angles_but_no_cycles():
     result = with_joint_angles(simulate_gait(stand(2.0), 2.0).truth)
     gait = analyze_gait(result).people

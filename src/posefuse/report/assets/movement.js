@@ -1,4 +1,5 @@
   // Joint angles and gait cycles as small charts with left and right overlaid, and bars of foot contact.
+  const sides = ["both", "left", "right"];
   const sideColor = { left: "--left", right: "--right", both: "--ink" };
   const pale = (color) => { const at = parseInt(color.slice(1), 16); return `rgba(${at >> 16}, ${(at >> 8) & 255}, ${at & 255}, 0.2)`; };
   const withGaps = (values) => values.map((v) => v === null ? NaN : v);
@@ -17,7 +18,7 @@
     return { type: "scatter", mode: "lines", fill: "toself", x: xs, y: ys, line: { width: 0 }, fillcolor: pale(color), hoverinfo: "skip" };
   }
   function curves(x, of, unit) {
-    return ["both", "left", "right"].filter((side) => of[side]).flatMap((side) => {
+    return sides.filter((side) => of[side]).flatMap((side) => {
       const color = css(sideColor[side]);
       return [band(x, of[side], color), { type: "scatter", mode: "lines", x, y: withGaps(of[side].mean), line: { color, width: 1.6 },
         hovertemplate: `${side === "both" ? "" : `${side} `}%{y:.4~g} at %{x:.4~g} ${unit}<extra></extra>` }];
@@ -35,6 +36,14 @@
       xaxis, yaxis: { ...grid, nticks: 5, automargin: true } }, config);
     return plot;
   }
+  // One chart at a time, so that the page stays responsive; charts of a person who is no longer selected are left out.
+  const latest = new Map();
+  function drawEach(parent, charts, drawOne) {
+    const own = {};
+    latest.set(parent, own);
+    parent.replaceChildren();
+    charts.forEach((chart) => later(() => { if (latest.get(parent) === own) drawOne(chart); }));
+  }
   function peopleMenu(place, names, choose) {
     if (names.length > 1) {
       const menu = document.createElement("select");
@@ -46,23 +55,19 @@
     later(() => choose(0));
   }
   if (element("cycles")) peopleMenu("cycle-people", movement.cycles.map(({ person }) => person), (p) => {
-    const { panels, stance } = movement.cycles[p], percent = Array.from({ length: 101 }, (_, i) => i);
-    element("cycles").replaceChildren();
+    const { panels, stance, numbers } = movement.cycles[p], percent = Array.from({ length: 101 }, (_, i) => i);
     const shapes = stance.map((x, s) => ({ x, s })).filter(({ x }) => x !== null).map(({ x, s }) => ({ type: "line", xref: "x", yref: "paper", x0: x, x1: x,
       y0: 0, y1: 1, line: { width: 1, dash: "dot", color: css(s ? "--right" : "--left") } }));
-    element("cycle-numbers").textContent = ["left", "right"].filter((side) => panels[0][side]).map((side) => `${panels[0][side].n} ${side}`).join(", ");
-    for (const panel of panels) {
-      smallChart(element("cycles"), panel.title, curves(percent, panel, "%"), { ...grid, range: [0, 100], ticksuffix: " %", tickvals: [0, 25, 50, 75, 100] }, shapes);
-    }
+    element("cycle-numbers").textContent = numbers;
+    drawEach(element("cycles"), panels, (panel) =>
+      smallChart(element("cycles"), panel.title, curves(percent, panel, "%"), { ...grid, range: [0, 100], ticksuffix: " %", tickvals: [0, 25, 50, 75, 100] }, shapes));
   });
   if (element("angles")) peopleMenu("angle-people", scene.people, (p) => {
-    element("angles").replaceChildren();
-    for (const angle of movement.angles) {
-      const own = { title: angle.title };
-      for (const side of ["left", "right", "both"]) if (angle[side]) own[side] = { mean: angle[side].mean[p], sd: angle[side].sd[p] };
-      if (!["left", "right", "both"].some((side) => own[side] && own[side].mean.some((v) => v !== null))) continue;
-      cursor(smallChart(element("angles"), own.title, curves(series.time, own, series.unit), { ...timeAxis, title: undefined, nticks: 5, ticksuffix: ` ${series.unit}` }, []));
-    }
+    const own = movement.angles.map((angle) => sides.reduce((of, side) =>
+      angle[side] ? { ...of, [side]: { mean: angle[side].mean[p], sd: angle[side].sd[p] } } : of, { title: angle.title }));
+    const known = own.filter((angle) => sides.some((side) => angle[side]?.mean.some((v) => v !== null)));
+    drawEach(element("angles"), known, (angle) =>
+      cursor(smallChart(element("angles"), angle.title, curves(series.time, angle, series.unit), { ...timeAxis, title: undefined, nticks: 5, ticksuffix: ` ${series.unit}` }, [])));
   });
   if (element("contact")) {
     const rows = movement.contact, plot = element("contact");
@@ -77,14 +82,14 @@
   }
   // Printed charts have the width of a page of A4, which the browser knows only after it has drawn them.
   const printed = { multiple: [134, 104], chart: [690, 110] }, onScreen = new Map();
-  addEventListener("beforeprint", () => document.querySelectorAll(".js-plotly-plot").forEach((plot) => {
+  addEventListener("topaper", () => document.querySelectorAll(".js-plotly-plot").forEach((plot) => {
     const [width, most] = printed[plot.classList.contains("multiple") ? "multiple" : "chart"];
     const height = plot.closest("#movement") ? most : plot.offsetHeight;
     onScreen.set(plot, plot.style.height);
     plot.style.height = `${height}px`;
     Plotly.relayout(plot, { width, height, "font.size": 8 });
   }));
-  addEventListener("afterprint", () => onScreen.forEach((height, plot) => {
+  addEventListener("toscreen", () => onScreen.forEach((height, plot) => {
     plot.style.height = height;
     Plotly.relayout(plot, { width: null, height: null, autosize: true, "font.size": font.size });
   }));

@@ -6,30 +6,6 @@
     for (let i = 0; i < bytes.length; i++) bytes[i] = characters.charCodeAt(i);
     return bytes;
   }
-  // What takes long is done piece by piece after the first frame, and before the page is printed.
-  const pending = [];
-  let working = true;
-  function work() {
-    const next = pending.shift();
-    working = Boolean(next);
-    if (!next) return;
-    next();
-    setTimeout(work);
-  }
-  function later(task) {
-    pending.push(task);
-    if (working) return;
-    working = true;
-    setTimeout(work);
-  }
-  function runLibrary(id) {
-    const library = document.createElement("script");
-    library.textContent = element(id).textContent;
-    document.body.append(library);
-  }
-  // Two frames later, the first one is on the screen.
-  addEventListener("DOMContentLoaded", () => requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(work))));
-  addEventListener("beforeprint", () => { while (pending.length) pending.shift()(); });
   const K = scene.keypoints.length, nFrames = scene.frames.length, several = scene.people.length !== 1;
 
   function unpack(text) {
@@ -166,6 +142,11 @@
     solids?.begin(width, height);
     if (!state.sideBySide) return drawPane({ x: 0, y: 0, width, height }, layers[state.layer], layers.length > 1);
     const tall = width < 600, half = tall ? height / 2 : width / 2, other = layers[(state.layer + 1) % layers.length];
+    drawPanes(width, height);
+    // Printed pages show one canvas only.
+    if (isPaper()) solids?.underlay(context, width, height);
+  }
+  function drawPanes(width, height) {
     const panes = [0, 1].map((i) => tall ? { x: 0, y: i * half, width, height: half } : { x: i * half, y: 0, width: half, height });
     drawPane(panes[0], layers[state.layer], true);
     drawPane(panes[1], other, true);

@@ -232,14 +232,14 @@
       renderer.setScissorTest(false);
       renderer.clear();
     }
-    return { begin, draw, recolor, under };
+    // Draw the bodies below what the canvas of the scene shows.
+    function underlay(above, width, height) {
+      above.globalCompositeOperation = "destination-over";
+      above.drawImage(under, 0, 0, width, height);
+      above.globalCompositeOperation = "source-over";
+    }
+    return { begin, draw, recolor, underlay };
   }
-  // Printed pages show one canvas only.
-  addEventListener("beforeprint", () => {
-    if (!solids) return;
-    context.globalCompositeOperation = "destination-over";
-    context.drawImage(solids.under, 0, 0, canvas.clientWidth, canvas.clientHeight);
-    context.globalCompositeOperation = "source-over";
-  });
+  for (const turn of ["topaper", "toscreen"]) addEventListener(turn, () => draw());
   // The first frame is drawn as lines, because a context of WebGL can take long.
   if (!isPlanar) later(() => { runLibrary("three"); solids = makeSolids(); if (solids) { showTrailSwitch(); draw(); } });

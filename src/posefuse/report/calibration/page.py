@@ -23,7 +23,7 @@ from posefuse.report.messages import message_html
 from posefuse.report.numbers import format_three_digits
 from posefuse.report.page import asset, document, safe_json, script
 
-_SCRIPTS = ("scene.js", "projection.js", "player.js", "start.js")
+_SCRIPTS = ("idle.js", "scene.js", "projection.js", "player.js", "start.js")
 _VOLUMES: dict[CalibrationTarget, str] = {
     "board": "filmed volume", "people": "filmed volume", "points": "volume of the points",
 }  # fmt: skip
