@@ -137,7 +137,7 @@ def test_report_of_several_people_with_truth(run, folder):
     code, _, wrong = run("report", folder / "result", "--truth", folder / "truth.nc", "-o", folder / "r.html")
     assert (code, wrong) == (0, "")
     page = (folder / "r.html").read_text()
-    assert "<h2>Comparison with the ground truth</h2>" in page
+    assert "Comparison with the ground truth</h2>" in page
     assert "<th>People in the ground truth, in the result</th><td>10, 10</td>" in page
     assert "<th>IDF1</th>" in page
 

@@ -120,6 +120,39 @@ def test_command_is_copied_or_selected(page):
     assert "posefuse reconstruct RECORDING" in page.locator("#command").inner_text()
 
 
+def test_section_links_are_all_visible(page):
+    page.set_viewport_size({"width": 1400, "height": 900})
+    nav = page.locator("#sections")
+    right = nav.evaluate("(each) => Math.max(...[...each.children].map((link) => link.getBoundingClientRect().right))")
+    assert right <= 1400
+    assert nav.evaluate("(each) => each.scrollWidth <= each.clientWidth")
+    assert nav.bounding_box()["height"] < 90
+    page.set_viewport_size({"width": 1280, "height": 900})
+
+
+@pytest.fixture
+def whole(browser, tmp_path):
+    opened = open_page(browser, tmp_path, RESULTS["133 keypoints"]())
+    yield opened
+    opened.close()
+
+
+def test_tables_and_charts_of_133_keypoints_are_folded(whole):
+    assert whole.locator("#heat td:visible").count() == 23 * 3
+    assert whole.locator("#gaps details").count() == 4
+    assert whole.locator("#gaps details[open]").count() == 1
+    assert whole.evaluate("document.documentElement.scrollHeight") < 9000
+    whole.locator("#heat button.fold").nth(1).click()
+    assert whole.locator("#heat td:visible").count() == (23 + 21) * 3
+    # The keyboard goes from the body to the opened hand, and past folded parts.
+    whole.locator("#heat td[data-keypoint='22'][data-view='1']").click()
+    whole.keyboard.press("ArrowDown")
+    assert whole.evaluate("document.activeElement.dataset.keypoint") == "91"
+    whole.locator("#gaps details summary").nth(3).click()
+    whole.wait_for_function("document.querySelectorAll('#gaps .js-plotly-plot .cursor').length === 2")
+    assert whole.problems == []
+
+
 @pytest.mark.parametrize("width", [390, 768, 2560])
 def test_page_fits_screens_of_all_sizes(page, width):
     page.set_viewport_size({"width": width, "height": 1000})

@@ -25,7 +25,8 @@ def accuracy_table(accuracy: Accuracy | PeopleScores | None) -> str:
         return ""
     rows = _people_rows(accuracy) if isinstance(accuracy, PeopleScores) else _single_person_rows(accuracy)
     body = "".join(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in rows)
-    return f"<section><h2>Comparison with the ground truth</h2><table>{body}</table></section>"
+    heading = '<h2 data-short="Ground truth">Comparison with the ground truth</h2>'
+    return f"<section>{heading}<table>{body}</table></section>"
 
 
 def _people_rows(scores: PeopleScores) -> list[tuple[str, str]]:

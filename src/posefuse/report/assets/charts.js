@@ -54,7 +54,7 @@
       if (points[0].customdata !== undefined) jumpTo(points[0].customdata, null, plot);
     });
   }
-  // One chart per group of keypoints; those of hands and faces are drawn when opened.
+  // One chart per body part.
   const horizontalBars = (names, values, name, color) => ({ type: "bar", orientation: "h", y: names, x: values, name, marker: { color: color } });
   function drawKeypoints(plot, indices) {
     const of = (values) => indices.map((k) => values[k]);
@@ -65,21 +65,16 @@
       xaxis: { ...grid, title: { text: "reprojection error, px" } },
       yaxis: { autorange: "reversed", automargin: true, tickfont: { size: indices.length > 40 ? 10 : 12 }, dtick: 1 } }, config);
   }
-  charts.keypoint_groups.forEach(([name, indices], i) => {
+  parts.forEach((part, i) => {
     const plot = document.createElement("div");
-    if (charts.keypoint_groups.length === 1) {
+    if (!folded) {
       element("keypoint-errors").append(plot);
-      later(() => drawKeypoints(plot, indices));
+      later(() => drawKeypoints(plot, part.keypoints));
       return;
     }
-    const fold = document.createElement("details"), title = document.createElement("summary");
-    const medians = indices.map((k) => charts.keypoint_median[k]).filter((v) => v !== null).sort((x, y) => x - y);
+    const medians = part.keypoints.map((k) => charts.keypoint_median[k]).filter((v) => v !== null).sort((x, y) => x - y);
     const median = medians.length ? `, median of medians ${medians[medians.length >> 1].toFixed(1)} px` : "";
-    title.textContent = `${name}: ${indices.length} keypoints${median}`;
-    fold.append(title, plot);
-    element("keypoint-errors").append(fold);
-    fold.addEventListener("toggle", () => { if (fold.open && !plot.firstChild) later(() => drawKeypoints(plot, indices)); });
-    fold.open = i === 0;
+    element("keypoint-errors").append(foldPart(partTitle(part) + median, plot, i === 0, () => drawKeypoints(plot, part.keypoints)));
   });
 
   // Printed pages show the table of keypoints even if it is collapsed on the screen.

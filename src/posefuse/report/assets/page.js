@@ -1,7 +1,7 @@
   // Links to the sections, the copy button, and colors of charts that follow the theme.
   document.querySelectorAll("main h2").forEach((heading, i) => {
     if (!heading.id) heading.id = `section-${i}`;
-    element("sections").append(Object.assign(document.createElement("a"), { href: `#${heading.id}`, textContent: heading.textContent }));
+    element("sections").append(Object.assign(document.createElement("a"), { href: `#${heading.id}`, textContent: heading.dataset.short || heading.textContent }));
   });
   document.addEventListener("click", async (event) => {
     const button = event.target.closest("[data-copy]");

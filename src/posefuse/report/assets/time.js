@@ -28,8 +28,8 @@
     frameListeners.push(place);
     plot.on("plotly_afterplot", place);
     plot.on("plotly_click", ({ points }) => {
-      const of = points[0], k = plot.id === "gaps" ? of.y : undefined;
-      jumpTo(frameIndexAt(of.x), k === undefined ? null : { keypoint: scene.keypoints.indexOf(of.customdata ?? k), person: gapPerson }, plot);
+      const of = points[0], isGap = plot.closest("#gaps");
+      jumpTo(frameIndexAt(of.x), isGap ? { keypoint: scene.keypoints.indexOf(of.customdata), person: gapPerson } : null, plot);
     });
     plot.tabIndex = -1;
     place();
@@ -43,32 +43,6 @@
   }
   later(() => lines("time-error", series.error, "reprojection error, px", { rangemode: "tozero" }));
   later(() => lines("time-views", series.views, "views used", { range: [0, charts.views.length + 0.3] }));
-
-  // When points were measured, filled and missing.
-  let gapPerson = 0;
-  function drawGaps() {
-    const plot = element("gaps"), made = Boolean(plot.data), rows = series.states[gapPerson].map((text) => Array.from(text, (code) => code === "3" ? null : Number(code)));
-    const [missing, measured, filled] = ["--missing", "--measured", "--filled"].map(css);
-    const words = ["missing", "measured", "filled or held"];
-    plot.style.height = `${70 + (K > 40 ? 11 : 16) * K}px`;
-    Plotly.react(plot, [{ type: "heatmap", x: series.time, y: scene.keypoints.map((_, k) => k), z: rows, zmin: 0, zmax: 2, ygap: 1, showscale: false,
-      colorscale: [[0, missing], [0.33, missing], [0.33, measured], [0.67, measured], [0.67, filled], [1, filled]], hoverongaps: false,
-      customdata: rows.map((row, k) => row.map(() => scene.keypoints[k])), text: rows.map((row) => row.map((code) => words[code] ?? "")),
-      hovertemplate: "%{customdata}, %{x:.2f}: %{text}<extra></extra>" }],
-    { ...base, margin: { l: 120, r: 10, t: 10, b: 40 }, xaxis: timeAxis,
-      yaxis: { autorange: "reversed", automargin: true, tickvals: scene.keypoints.map((_, k) => k), ticktext: scene.keypoints.map(plain), tickfont: { size: K > 40 ? 9 : 12 } } }, config);
-    if (!made) cursor(plot);
-  }
-  if (element("gaps") && series.states.length) {
-    if (several) {
-      const menu = document.createElement("select");
-      menu.setAttribute("aria-label", "Subject");
-      scene.people.forEach((name, i) => menu.append(new Option(name, i)));
-      menu.addEventListener("change", () => { gapPerson = Number(menu.value); drawGaps(); });
-      element("gap-people").append(menu);
-    }
-    later(drawGaps);
-  }
 
   // The selected bone and its counterpart on the other side, if there is one.
   const counterpart = (name) => name.includes("left") ? name.replaceAll("left", "right") : name.includes("right") ? name.replaceAll("right", "left") : null;
