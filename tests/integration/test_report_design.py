@@ -1,7 +1,9 @@
 """The report page in a browser: accessibility, bodies, timeline, theme, and a browser without WebGL."""
 
 import re
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from posefuse.report.html import render_report
@@ -151,6 +153,59 @@ def test_tables_and_charts_of_133_keypoints_are_folded(whole):
     whole.locator("#gaps details summary").nth(3).click()
     whole.wait_for_function("document.querySelectorAll('#gaps .js-plotly-plot .cursor').length === 2")
     assert whole.problems == []
+
+
+PROBE = "if (nFrames) show(firstFrame);"
+
+
+def first_view(browser, folder, result):
+    """Return the first frame, and the rectangles of people and cameras on the screen with their depths."""
+    path = folder / "report.html"
+    text = render_report(result)
+    assert text.count(PROBE) == 1
+    path.write_text(
+        text.replace(PROBE, f"{PROBE} window.probe = {{ state, screenBox, freeProjection, layers, K, at }};")
+    )
+    page = browser.new_page(viewport={"width": 1400, "height": 900})
+    page.goto(path.as_uri())
+    view = page.evaluate(
+        """() => {
+          const { state, screenBox, freeProjection, layers, K, at } = probe, canvas = document.getElementById("canvas");
+          const to = freeProjection({ x: 0, y: 0, width: canvas.clientWidth, height: canvas.clientHeight });
+          const points = (of) => Array.from({ length: K }, (_, k) => at(of, state.frame, k)).filter(Boolean);
+          const { cameras } = JSON.parse(document.getElementById("data").textContent).scene;
+          return { frame: state.frame, turn: state.turn,
+            people: layers[0].points.map((of) => screenBox(points(of), to)),
+            cameras: cameras.map(({ center, corners }) => screenBox([center, ...corners], to)) };
+        }"""
+    )
+    page.close()
+    return view
+
+
+def covers(one, other):
+    return max(0, min(one["right"], other["right"]) - max(one["left"], other["left"])) * max(
+        0, min(one["bottom"], other["bottom"]) - max(one["top"], other["top"])
+    )
+
+
+def test_first_view_shows_complete_people_side_by_side_with_no_camera_before_them(browser, tmp_path, walkers):
+    """The second person stands behind the first one as seen from the usual viewpoint, where a camera is, too."""
+    behind = -1.2 * np.array([np.cos(0.9), np.sin(0.9), 0.0])
+    layers = {}
+    for name, layer in walkers.layers.items():
+        points = np.array(layer.points_m)
+        points[:, 1] = points[:, 0] + behind
+        points[:7, 1, :3] = np.nan
+        layers[name] = replace(layer, points_m=points)
+    view = first_view(browser, tmp_path, replace(walkers, layers=layers))
+    assert view == first_view(browser, tmp_path, replace(walkers, layers=layers))
+    assert view["frame"] == 7
+    one, other = view["people"]
+    assert covers(one, other) == 0
+    for camera in filter(None, view["cameras"]):
+        for person in view["people"]:
+            assert camera["depth"] > person["depth"] or covers(camera, person) == 0
 
 
 @pytest.mark.parametrize("width", [390, 768, 2560])

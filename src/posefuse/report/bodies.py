@@ -14,8 +14,13 @@ _HUMAN_RADII = {
 }  # fmt: skip
 """Radii as shares of stature: half the breadths and depths of limbs in tables of anthropometry of adults."""
 _CROWN = ("head", "head_top")
-_HUMAN_OTHER, _HAND, _FACE = 0.010, 0.005, 0.002
+_HUMAN_OTHER, _HAND, _FACE = 0.010, 0.0025, 0.0012
+"""Fingers and faces are thinner than in reality, because their lines would otherwise merge."""
 _HEAD, _NECK = (0.042, 0.062, 0.048), (0.028, 0.060, 0.030)
+_ON_FACE = 0.004
+"""Eyes, ears and nose among the keypoints of a face."""
+_SKULL = (0.040, 0.060, 0.042)
+"""The head behind the keypoints of a face, which are in front of it."""
 _CHEST, _BELLY = (0.085, 0.125, 0.058), (0.080, 0.080, 0.060)
 """Half axes as shares of stature: to the side, along the axis, to the front."""
 _CREATURE_SHARES = {"tti": 0.2, "spine": 0.4, "trunk": 0.4, "body": 0.4, "centroid": 0.4, "neck": 0.3}
@@ -43,7 +48,7 @@ def body_shapes(points_m: np.ndarray, skeleton: Skeleton) -> dict[str, Any]:
         ``size``: stature of each person in m, 1 for animals; ``radii``: radius at each keypoint, and ``blobs``:
         ellipsoids, both as shares of it; ``bare``: indices of edges that are not drawn. The axis of an ellipsoid leads
         from the middle of the keypoints ``low`` to that of ``high``, and its center is at ``at`` of this axis; ``side``
-        are the keypoints to its left and right.
+        are the keypoints to its left and right; ``fine``: keypoints of hands and faces.
     """
     names = {name: k for k, name in enumerate(skeleton.keypoints)}
     human = {f"{side}_{part}" for side in ("left", "right") for part in ("hip", "shoulder")} <= names.keys()
@@ -56,7 +61,8 @@ def body_shapes(points_m: np.ndarray, skeleton: Skeleton) -> dict[str, Any]:
     return {
         "size": [round(size, 4) for size in sizes],
         "radii": radii,
-        "blobs": _human_blobs(names) if human else [],
+        "blobs": _human_blobs(names, _has_face(skeleton)) if human else [],
+        "fine": sorted({int(k) for part in skeleton.parts for k in part.keypoints}),
         "bare": [e for e, (a, b) in enumerate(skeleton.edges) if human and _in_head(a) and _in_head(b)],
     }
 
@@ -73,6 +79,8 @@ def _human_radii(skeleton: Skeleton) -> list[float]:
     if {"left_ear", "right_ear"} <= set(skeleton.keypoints):
         # The ellipsoid of the head has its own height, and the top of the head may be above it.
         radii = [_FACE if name in _CROWN else radius for name, radius in zip(skeleton.keypoints, radii, strict=True)]
+    if _has_face(skeleton):
+        radii = [_ON_FACE if _in_head(name) else radius for name, radius in zip(skeleton.keypoints, radii, strict=True)]
     for part in skeleton.parts:
         for k in part.keypoints:
             radii[int(k)] = _HAND if "hand" in part.name else _FACE
@@ -130,7 +138,11 @@ def _median(values: np.ndarray) -> float:
     return float(np.median(finite)) if len(finite) else float("nan")
 
 
-def _human_blobs(names: Mapping[str, int]) -> list[dict[str, Any]]:
+def _has_face(skeleton: Skeleton) -> bool:
+    return any("face" in part.name for part in skeleton.parts)
+
+
+def _human_blobs(names: Mapping[str, int], has_face: bool) -> list[dict[str, Any]]:
     def both(part: str) -> list[int]:
         return [names[f"{side}_{part}"] for side in ("left", "right") if f"{side}_{part}" in names]
 
@@ -142,6 +154,6 @@ def _human_blobs(names: Mapping[str, int]) -> list[dict[str, Any]]:
     ]
     if head:
         # The middle of the ears is the middle of the head; without ears, the head is above the nose.
-        blobs.append({"low": shoulders, "high": head, "at": 1.0, "side": ears, "half": _HEAD})
+        blobs.append({"low": shoulders, "high": head, "at": 1.0, "side": ears, "half": _SKULL if has_face else _HEAD})
         blobs.append({"low": shoulders, "high": head, "at": 0.5, "side": [], "half": _NECK})
     return blobs

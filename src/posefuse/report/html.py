@@ -36,7 +36,7 @@ from posefuse.skeleton.subject_words import subject_words
 PLOTLY = "plotly-cartesian.min.js"
 """Charts of plotly.js: its distribution with scatter, bar and heatmap; plotly-cartesian.LICENSE."""
 _SCRIPTS = (
-    "idle.js", "scene.js", "projection.js", "solids.js", "player.js", "video.js", "parts.js",
+    "idle.js", "scene.js", "projection.js", "solids.js", "viewpoint.js", "player.js", "video.js", "parts.js",
     "heat_map.js", "time.js", "gaps.js", "movement.js", "timeline.js", "charts.js", "page.js",
 )  # fmt: skip
 """Parts of one script, in this order."""

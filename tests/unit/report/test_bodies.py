@@ -25,6 +25,17 @@ def test_radii_scale_with_the_subject(name):
     assert radii[0].max() < 0.25 * extent
 
 
+def test_fingers_and_faces_are_thin():
+    """Fingers of 17 mm, the distance between two of them, would merge."""
+    skeleton = shipped_skeleton("coco_wholebody_133")
+    shapes = body_shapes(points_of("coco_wholebody_133"), skeleton)
+    radii_mm = 1000 * shapes["size"][0] * np.array(shapes["radii"])
+    assert shapes["fine"] == list(range(23, 133))
+    assert radii_mm[shapes["fine"]].max() < 5
+    assert radii_mm[skeleton.index("nose")] < 10
+    assert body_shapes(points_of("halpe_26"), shipped_skeleton("halpe_26"))["fine"] == []
+
+
 def test_stature_is_found_from_trunk_and_thighs():
     assert body_shapes(points_of("halpe_26"), shipped_skeleton("halpe_26"))["size"][0] == pytest.approx(1.75, abs=0.2)
 

@@ -79,5 +79,4 @@
 
   // Printed pages show the table of keypoints even if it is collapsed on the screen.
   addEventListener("topaper", () => document.querySelectorAll("details.printed").forEach((fold) => { fold.open = true; }));
-  const starts = layers[0].points.map((points) => points.findIndex(Number.isFinite)).filter((i) => i >= 0);
-  if (nFrames) show(starts.length ? Math.floor(Math.min(...starts) / (3 * K)) : 0);
+  if (nFrames) show(firstFrame);

@@ -35,6 +35,8 @@
   const upright = scene.up || scene.shownUp || "", upAxis = upright.replace("-", "");
   const upIndex = "xyz".indexOf(upAxis) >= 0 && upAxis ? "xyz".indexOf(upAxis) : 2, upSign = upright.startsWith("-") ? -1 : 1;
   const isPlanar = scene.unit !== "m";
+  // Hands and faces: their keypoints are close to each other, so they are drawn thin and small.
+  const fine = new Set(scene.bodies?.fine), isFine = ([a, b]) => fine.has(a) || fine.has(b);
   let colors = {};
   function readColors() {
     const names = ["ink", "faint", "line", "paper", "left", "right", "middle", "truth", "floor", "target", "skin"];
@@ -140,13 +142,13 @@
     dots = [];
     followPerson();
     solids?.begin(width, height);
-    if (!state.sideBySide) return drawPane({ x: 0, y: 0, width, height }, layers[state.layer], layers.length > 1);
-    const tall = width < 600, half = tall ? height / 2 : width / 2, other = layers[(state.layer + 1) % layers.length];
     drawPanes(width, height);
     // Printed pages show one canvas only.
     if (isPaper()) solids?.underlay(context, width, height);
   }
   function drawPanes(width, height) {
+    if (!state.sideBySide) return drawPane({ x: 0, y: 0, width, height }, layers[state.layer], layers.length > 1);
+    const tall = width < 600, half = tall ? height / 2 : width / 2, other = layers[(state.layer + 1) % layers.length];
     const panes = [0, 1].map((i) => tall ? { x: 0, y: i * half, width, height: half } : { x: i * half, y: 0, width: half, height });
     drawPane(panes[0], layers[state.layer], true);
     drawPane(panes[1], other, true);
@@ -222,7 +224,7 @@
   const segment = (from, to, color, width, behind = 0) => from && to ? [{ from, to, color, width, depth: (from[2] + to[2]) / 2 + behind }] : [];
   const bones = (points, to, color, width) => scene.edges.flatMap(([a, b], e) => {
     const p = at(points, state.frame, a), q = at(points, state.frame, b);
-    return p && q ? segment(to(p), to(q), color(e), K > 60 && e > 24 ? 1.5 : width) : [];
+    return p && q ? segment(to(p), to(q), color(e), isFine([a, b]) ? 1.2 : width) : [];
   });
   function frustum({ center, corners }, to, color) {
     const c = to(center), q = corners.map(to);
@@ -286,18 +288,20 @@
       out.push(...segment(point(a, b), point(a + cell, b), colors.floor, 1, 1e6));
     return out;
   }
+  const FINE_ZOOM = 4;
   function keypoints(points, person, to, camera, solid) {
     for (let k = 0; k < K; k++) {
       const p = at(points, state.frame, k), q = p && to(p);
       if (!q) continue;
       dots.push({ x: q[0], y: q[1], person, k, p });
-      const radius = K > 60 ? 2 : 3.2, color = keypointColor(person, k), hollow = mark(person, state.frame, k, 0) === 2;
-      context.lineWidth = 1.5;
+      const small = fine.has(k), radius = small ? 1 : 3.2, color = keypointColor(person, k), hollow = mark(person, state.frame, k, 0) === 2;
+      context.lineWidth = small ? 0.6 : 1.5;
       context.strokeStyle = color;
       context.fillStyle = hollow ? colors.paper : color;
       if (!solid || hollow) disc(q, radius);
       if (scene.labeled) label(scene.keypoints[k].replace(/^\D+/, ""), [q[0] + 6, q[1] - 5], colors.ink, 11, "left");
-      if (camera && scene.markedViews) viewMark(q, mark(person, state.frame, k, 1 + state.camera), radius + 2.5);
+      // Marks would cover hands and faces; there is space for them when zoomed in.
+      if (camera && scene.markedViews && (!small || state.zoom.scale > FINE_ZOOM)) viewMark(q, mark(person, state.frame, k, 1 + state.camera), radius + 2.5);
       const m = state.marked;
       if (m && m.keypoint === k && (m.person === undefined || m.person === person)) {
         context.strokeStyle = colors.ink;

@@ -107,6 +107,7 @@
       // Left is lighter than right: two colors of one hue for each person.
       tint.people = colors.people.map((text) => ({ middle: of(text), left: of(text).lerp(of("#ffffff"), 0.07), right: of(text).lerp(of("#000000"), 0.15) }));
       tint.skin = of(colors.skin);
+      tint.ink = of(colors.ink);
       frusta.material.color = of(colors.faint);
       images.material.color = of(colors.faint);
       if (floor) { floor.grid.material.color = of(colors.line); floor.plate.material.color = of(colors.floor); }
@@ -117,6 +118,9 @@
     const a3 = new THREE.Vector3(), b3 = new THREE.Vector3(), axis = new THREE.Vector3(), y = new THREE.Vector3(0, 1, 0), x3 = new THREE.Vector3(), z3 = new THREE.Vector3();
     // What was not measured in this frame is pale.
     const shade = (made, n, person, side, measured) => made.setColorAt(n, measured ? sideTint(person, side) : color.copy(sideTint(person, side)).lerp(tint.paper, 0.6));
+    // Hands and faces contrast with the palm and the head behind them.
+    const shadeFine = (made, n, person, side, measured) => measured
+      ? made.setColorAt(n, color.copy(sideTint(person, side)).lerp(tint.ink, 0.55)) : shade(made, n, person, side, false);
     const isMeasured = (person, k) => mark(person, state.frame, k, 0) !== 2;
 
     function pose(layer) {
@@ -135,14 +139,14 @@
           matrix.compose(a3.add(b3).multiplyScalar(0.5), spin, scale.set(1, length, 1));
           bones3d.setMatrixAt(nBones, matrix);
           ends.setXY(nBones, bodySize * radii[a], bodySize * radii[b]);
-          shade(bones3d, nBones, person, edgeSides[e], isMeasured(person, a) && isMeasured(person, b));
+          (isFine([a, b]) ? shadeFine : shade)(bones3d, nBones, person, edgeSides[e], isMeasured(person, a) && isMeasured(person, b));
           nBones += 1;
         }
         for (let k = 0; k < K; k++) {
           const p = place(k), r = bodySize * radii[k] * (inEdge.has(k) ? 1 : 0.6);
           if (!p) continue;
           joints.setMatrixAt(nJoints, matrix.makeScale(r, r, r).setPosition(...p));
-          shade(joints, nJoints, person, scene.sides[k], isMeasured(person, k));
+          (fine.has(k) ? shadeFine : shade)(joints, nJoints, person, scene.sides[k], isMeasured(person, k));
           nJoints += 1;
         }
         for (const blob of blobs) nTrunks += trunk(blob, place, person, bodySize, nTrunks);

@@ -63,7 +63,7 @@
       for (const [colorOf, thickness] of [[() => "rgba(0,0,0,0.55)", 5], [(e) => edgeColor(person, e), 2.5]]) scene.edges.forEach(([a, b], e) => {
         if (!places[a] || !places[b]) return;
         ink.strokeStyle = colorOf(e);
-        ink.lineWidth = thickness * (K > 60 && e > 24 ? 0.4 : 1);
+        ink.lineWidth = thickness * (isFine([a, b]) ? 0.4 : 1);
         ink.beginPath();
         ink.moveTo(...places[a]);
         ink.lineTo(...places[b]);
@@ -75,7 +75,7 @@
         ink.fillStyle = mark(person, frame, k, 0) === 2 ? colors.paper : ink.strokeStyle;
         ink.lineWidth = 1;
         ink.beginPath();
-        ink.arc(q[0], q[1], K > 60 ? 1.2 : 2.4, 0, 7);
+        ink.arc(q[0], q[1], fine.has(k) ? 0.8 : 2.4, 0, 7);
         ink.fill();
         ink.stroke();
       });
