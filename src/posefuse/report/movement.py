@@ -62,8 +62,7 @@ def movement_section(result: Reconstruction, gait: Mapping[str, Gait]) -> str:
         parts.append(
             "<section><h2>Gait cycles</h2><p>Mean from heel strike to heel strike, and one standard deviation over "
             f'cycles (<span id="cycle-numbers">{_cycle_numbers(with_cycles[0])}</span>). '
-            "Dotted lines mark toe-off. "
-            f"Pelvis rotation is relative to the direction of walking. {SIDES_KEY}. "
+            f"Dotted lines mark toe-off. Pelvis rotation is relative to the direction of walking. {SIDES_KEY}. "
             '<span id="cycle-people"></span></p><div id="cycles" class="multiples"></div></section>'
         )
     if result.joint_angles is not None and _shown_angles(result.joint_angles):
@@ -100,9 +99,9 @@ def _cell(parameter: GaitParameter | None) -> str:
     digits = 1 if parameter.name.endswith(("_percent", "_min")) else 3 if parameter.name.endswith("_s") else 2
     text = f"{parameter.value:.{digits}f}"
     if np.isfinite(parameter.sd):
-        text += f" &plusmn; {parameter.sd:.{digits}f}"
+        text += f"&nbsp;&plusmn;&nbsp;{parameter.sd:.{digits}f}"
     if np.isfinite(parameter.low95):
-        text += f" ({parameter.low95:.{digits}f} to {parameter.high95:.{digits}f})"
+        text += f" ({parameter.low95:.{digits}f}&nbsp;to&nbsp;{parameter.high95:.{digits}f})"
     return f"{text}, n&nbsp;=&nbsp;{parameter.n}"
 
 

@@ -66,7 +66,9 @@ def test_contact_bars_are_the_intervals(gait, data, result):
 def test_table_has_both_sides_and_intervals(result, gait):
     text = movement_section(result, gait)
     row = re.search(r"<th>step length, m</th>(.*?)</tr>", text)
-    cells = re.findall(r"<td>([\d.]+) &plusmn; ([\d.]+) \(([\d.]+) to ([\d.]+)\), n&nbsp;=&nbsp;(\d+)</td>", row[1])
+    cells = re.findall(
+        r"<td>([\d.]+)&nbsp;&plusmn;&nbsp;([\d.]+) \(([\d.]+)&nbsp;to&nbsp;([\d.]+)\), n&nbsp;=&nbsp;(\d+)</td>", row[1]
+    )
     (own,) = gait.values()
     assert [int(n) for *_, n in cells] == [each.n for each in own.parameters if each.name == "step_length_m"]
     assert all(float(low) <= float(value) <= float(high) for value, _, low, high, _ in cells)
@@ -77,7 +79,7 @@ def test_cells_of_few_values_have_a_number_and_no_interval(result, gait):
     few = GaitParameter("jump_height_m", "both", 0.25, 0.01, 3, np.nan, np.nan)
     single = GaitParameter("squat_depth_m", "both", 0.25, np.nan, 1, np.nan, np.nan)
     text = movement_section(result, {"person_1": replace(own, parameters=[few, single])})
-    assert "<td>0.25 &plusmn; 0.01, n&nbsp;=&nbsp;3</td>" in text
+    assert "<td>0.25&nbsp;&plusmn;&nbsp;0.01, n&nbsp;=&nbsp;3</td>" in text
     assert "<td>0.25, n&nbsp;=&nbsp;1</td>" in text
     assert "nan" not in text
 
