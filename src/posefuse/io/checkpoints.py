@@ -18,6 +18,7 @@ import tempfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
+from enum import Enum
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Self
@@ -362,6 +363,17 @@ def _unpacked(packed: bytes, size: int) -> bytes:
     return np.frombuffer(content, dtype=np.uint8, count=whole).reshape(_NUMBER_BYTES, -1).T.tobytes() + content[whole:]
 
 
+def _member(enumeration: Any, name: str) -> Enum:
+    """Return a member of an enumeration.
+
+    Raises:
+        pickle.UnpicklingError: for an attribute of anything else.
+    """
+    if isinstance(enumeration, type) and issubclass(enumeration, Enum) and name in enumeration.__members__:
+        return enumeration[name]
+    raise pickle.UnpicklingError(f"a part of a reconstruction cannot hold {enumeration!r}.{name}")
+
+
 class _Unpickler(pickle.Unpickler):
     """Creates arrays and posefuse's own records only, since a folder of parts may come from an untrusted source."""
 
@@ -373,6 +385,9 @@ class _Unpickler(pickle.Unpickler):
         """
         if (module, name) in _FOREIGN:
             return super().find_class(module, name)
+        if (module, name) == ("builtins", "getattr"):
+            # Python 3.11 before 3.11.4 stores members of enumerations as attributes of their class.
+            return _member
         if module.startswith(_OURS):
             found = super().find_class(module, name)
             if (module, name) in _FUNCTIONS or (isinstance(found, type) and found.__module__ == module):

@@ -37,4 +37,4 @@ def test_a_turned_camera_is_noted_with_the_command(rng, cameras, turned_deg):
     assert len(notes) == (turned_deg > 0.0)
     for note in notes:
         assert f"px in {first.name}" in note
-        assert "run with `refine`" in note
+        assert "`posefuse refine-calibration` tests the poses" in note

@@ -23,6 +23,7 @@ from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
 from posefuse.errors import FileError
 from posefuse.io.checkpoints import CheckpointFolder
 from posefuse.io.results import netcdf
+from posefuse.model.lenses import LensModel
 from posefuse.model.options.options import Options
 from posefuse.model.options.postprocess import PostprocessOptions
 from posefuse.parallel import Jobs
@@ -39,6 +40,16 @@ CHUNK = 16
 MANY = Options(people="many", solve="frame", chunk_frames=CHUNK, noise_scale_px=8.0)
 ONE = Options(people="one", solve="trajectory", chunk_frames=CHUNK, noise_scale_px=8.0)
 SMOOTHED = replace(MANY, postprocess=PostprocessOptions(smooth=("butterworth",)))
+
+
+class AsAttribute:
+    """Is pickled as an attribute of an object."""
+
+    def __init__(self, owner, name):
+        self._given = owner, name
+
+    def __reduce__(self):
+        return getattr, self._given
 
 
 class Ended(BaseException):
@@ -321,6 +332,15 @@ class TestParts:
             parts.save("a", evil)
         with pytest.raises(FileError, match="Its origin is unknown"):
             parts.load("a")
+
+    def test_members_of_enumerations_are_unpickled_as_attributes_of_their_class(self, tmp_path):
+        """Python 3.11 before 3.11.4, such as that of Debian 12, stores them so."""
+        parts = CheckpointFolder(tmp_path / "parts", "key")
+        parts.save("a", AsAttribute(LensModel, "FISHEYE"))
+        assert parts.load("a") is LensModel.FISHEYE
+        for owner, name in ((LensModel, "__class__"), (CheckpointFolder, "save"), (os, "system")):
+            with pytest.raises((pickle.UnpicklingError, TypeError), match="cannot (hold|pickle)"):
+                parts.save("b", AsAttribute(owner, name))
 
     def test_part_damaged_at_any_byte_is_not_loaded(self, tmp_path):
         parts = CheckpointFolder(tmp_path / "parts", "key")

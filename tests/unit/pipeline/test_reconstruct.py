@@ -28,7 +28,9 @@ class TestTime:
     def test_empty_time_range_is_an_error(self, rng):
         rig = ring(3)
         detections = simulate_detections(rig, body_points(rng, 20), rng, rate_hz=10.0)
-        with pytest.raises(DetectionsError, match=r"No frame lies between.*runs from 0\.000 s to 1\.900 s"):
+        with pytest.raises(
+            DetectionsError, match=r"No frame lies from `start_s=5.0` on.*runs from 0\.000 s to 1\.900 s"
+        ):
             reconstruct(rig, detections, Options(start_s=5.0))
 
     def test_time_range_needs_times(self, rng):

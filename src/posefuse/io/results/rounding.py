@@ -113,7 +113,9 @@ def smallest_variance(covariance: np.ndarray) -> np.ndarray:
         minors = first + second + third
         bound = determinant / minors
         cancels = (bound < _CANCELING_SHARE * trace) | (minors < _CANCELING_SHARE * trace**2)
-    cancels = np.asarray(cancels & np.isfinite(covariance).all(axis=-1) & (trace > 0.0))
+    # Points in an image plane have no variance across it.
+    spatial = (covariance[..., _DIAGONAL] > 0.0).all(axis=-1)
+    cancels = np.asarray(cancels & spatial & np.isfinite(covariance).all(axis=-1))
     if cancels.any():
         scale = trace[cancels]
         shares = np.linalg.eigvalsh(unpack_covariance(covariance[cancels] / scale[:, None]))[:, 0]
