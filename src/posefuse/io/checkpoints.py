@@ -386,7 +386,7 @@ class _Unpickler(pickle.Unpickler):
         if (module, name) in _FOREIGN:
             return super().find_class(module, name)
         if (module, name) == ("builtins", "getattr"):
-            # Python 3.11 before 3.11.4 stores members of enumerations as attributes of their class.
+            # Early releases of Python 3.11 store members of enumerations as attributes of their class.
             return _member
         if module.startswith(_OURS):
             found = super().find_class(module, name)

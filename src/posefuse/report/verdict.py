@@ -62,7 +62,8 @@ def judge_result(result: Reconstruction, summary: Summary) -> ResultVerdict:
         return ResultVerdict("check", f"{symptom}.", causes)
     (sentence,) = verdict_sentences(())
     uneven, remedy = _worst_camera(result.rig.names, [error.median for error in summary.error_px_by_view])
-    if shifts := _note(result, SHIFTED_VIEWS):
+    shifts = _note(result, SHIFTED_VIEWS)
+    if shifts and not uneven:
         shifted, _, remedy = shifts.partition(". ")
         uneven = f" But {shifted[0].lower()}{shifted[1:]}."
     return ResultVerdict("good", f"{sentence[0].upper()}{sentence[1:]}.{uneven}", remedy)

@@ -334,7 +334,7 @@ class TestParts:
             parts.load("a")
 
     def test_members_of_enumerations_are_unpickled_as_attributes_of_their_class(self, tmp_path):
-        """Python 3.11 before 3.11.4, such as that of Debian 12, stores them so."""
+        """Early releases of Python 3.11, such as 3.11.2 of Debian 12, store them so."""
         parts = CheckpointFolder(tmp_path / "parts", "key")
         parts.save("a", AsAttribute(LensModel, "FISHEYE"))
         assert parts.load("a") is LensModel.FISHEYE
