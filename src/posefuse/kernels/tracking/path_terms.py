@@ -240,25 +240,11 @@ def _weigh(inner, offset, transposed, weighted):
 @subroutine
 def _add_own(body, node, offsets, scratch, out):
     """Add the products of the offset of a node with itself and with those on its way to the root, lower triangle."""
-    columns, weighted, m = scratch.columns, scratch.weighted, out.shape[0]
-    _weigh(scratch.own[node], offsets[node], False, weighted)
-    other = node
+    _weigh(scratch.own[node], offsets[node], False, scratch.weighted)
+    _add_pair(node, node, offsets, scratch, True, False, True, out)
+    other = body.parents[node]
     while other >= 0:
-        right = offsets[other]
-        p, i = 0, _column(columns, node, 0, m)
-        while i >= 0:
-            q, j = 0, _column(columns, other, 0, m)
-            while j >= 0:
-                value = weighted[0, p] * right[0, q] + weighted[1, p] * right[1, q] + weighted[2, p] * right[2, q]
-                # Both orders of two different numbers are entries of the matrix, of which one is stored.
-                if other != node or q < p:
-                    out[max(i, j), min(i, j)] += value if i != j else 2.0 * value
-                elif q == p:
-                    out[i, i] += value
-                q += 1
-                j = _column(columns, other, q, m)
-            p += 1
-            i = _column(columns, node, p, m)
+        _add_pair(node, other, offsets, scratch, True, True, True, out)
         other = body.parents[other]
 
 
@@ -266,32 +252,45 @@ def _add_own(body, node, offsets, scratch, out):
 def _add_link(body, node, here, before, scratch, out):
     """Add the same for rows of this frame and columns of the frame before, all entries."""
     _weigh(scratch.link[node], here[node], True, scratch.weighted)
-    _add_products(body, node, node, before, scratch, False, out)
+    other = node
+    while other >= 0:
+        _add_pair(node, other, before, scratch, True, False, False, out)
+        other = body.parents[other]
     _weigh(scratch.link[node], before[node], False, scratch.weighted)
-    _add_products(body, node, body.parents[node], here, scratch, True, out)
+    other = body.parents[node]
+    while other >= 0:
+        _add_pair(node, other, here, scratch, False, True, False, out)
+        other = body.parents[other]
 
 
 @subroutine
-def _add_products(body, node, first, offsets, scratch, transposed, out):
-    """Add the products of the weighted offset of a node with those from ``first`` to the root; or their transpose."""
-    columns, weighted, m = scratch.columns, scratch.weighted, out.shape[0]
-    other = first
-    while other >= 0:
-        right = offsets[other]
-        p, i = 0, _column(columns, node, 0, m)
-        while i >= 0:
-            q, j = 0, _column(columns, other, 0, m)
-            while j >= 0:
-                value = weighted[0, p] * right[0, q] + weighted[1, p] * right[1, q] + weighted[2, p] * right[2, q]
-                if transposed:
-                    out[j, i] += value
-                else:
-                    out[i, j] += value
-                q += 1
-                j = _column(columns, other, q, m)
-            p += 1
-            i = _column(columns, node, p, m)
-        other = body.parents[other]
+def _add_pair(node, other, offsets, scratch, rows, columns, lower, out):
+    """Add the products of the weighted offset of a node with that of another one.
+
+    Args:
+        node: the node whose weighted offset is in ``scratch``.
+        other: the other node.
+        offsets: shape (node, 3, 6).
+        scratch: PathScratch.
+        rows: whether to add them to the rows of the node and the columns of the other one.
+        columns: whether to add them to the columns of the node and the rows of the other one.
+        lower: whether to leave out entries above the diagonal.
+        out: shape (m, m), in and out.
+    """
+    weighted, right, m = scratch.weighted, offsets[other], out.shape[0]
+    p, i = 0, _column(scratch.columns, node, 0, m)
+    while i >= 0:
+        q, j = 0, _column(scratch.columns, other, 0, m)
+        while j >= 0:
+            value = weighted[0, p] * right[0, q] + weighted[1, p] * right[1, q] + weighted[2, p] * right[2, q]
+            if rows and (i >= j or not lower):
+                out[i, j] += value
+            if columns and (j >= i or not lower):
+                out[j, i] += value
+            q += 1
+            j = _column(scratch.columns, other, q, m)
+        p += 1
+        i = _column(scratch.columns, node, p, m)
 
 
 @kernel
