@@ -327,18 +327,18 @@ def _say_matches(read: _Inputs, options: Options) -> bool:
                 continue
             views = count(chosen.n_views, "view")
             words = f"{views} {'matches' if chosen.n_views == 1 else 'match'} {count(len(matched), 'camera')}"
-            timed = has_times(chosen) or options.people == "stills"
-            flags = f"  --calibration '{where}'\n  --keypoints '{path}'" + ("" if timed else "\n  --rate-hz HZ")
-            said.append((words, flags, remarks))
+            untimed = not has_times(chosen) and options.people != "stills"
+            flags = f"  --calibration '{where}'\n  --keypoints '{path}'" + ("\n  --rate-hz HZ" if untimed else "")
+            said.append((words, flags, untimed, remarks))
     if refused and not said:
         warn(f"views and cameras do not match: {refused[0]}")
-    notes(list(dict.fromkeys(remark for _, _, remarks in said for remark in remarks)), _IN_FULL)
+    notes(list(dict.fromkeys(remark for *_, remarks in said for remark in remarks)), _IN_FULL)
     if said and single:
-        rate = "--rate-hz" in said[0][1]
-        given = " with --rate-hz HZ, since the keypoint files do not specify their frame rate" if rate else ""
-        say(f"{said[0][0]}; posefuse reconstruct can process this folder{given}")
+        words, _, untimed, _ = said[0]
+        given = " with --rate-hz HZ, since the keypoint files do not specify their frame rate" if untimed else ""
+        say(f"{words}; posefuse reconstruct can process this folder{given}")
     elif detail.verbose or len(said) == 1:
-        for words, flags, _ in said:
+        for words, flags, *_ in said:
             say(f"{words}; to reconstruct, add\n{flags}")
     elif said:
         pairs = len(read.rigs) * len(read.detections)
