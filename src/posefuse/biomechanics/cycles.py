@@ -13,7 +13,7 @@ PERCENT = np.arange(101)
 _HEADING = "pelvis_rotation"
 """The angle that is relative to the world, and in cycles relative to the direction of walking."""
 _MIN_ADVANCE = 0.25
-"""Shortest way of the pelvis in a stride of walking in a direction, as a share of the length of the leg."""
+"""Shortest distance that the pelvis covers in a stride that has a direction, as a share of the length of the leg."""
 
 
 @dataclass(frozen=True, eq=False)

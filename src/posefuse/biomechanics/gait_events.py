@@ -26,8 +26,8 @@ _STEP_S = (0.15, 1.6)
 _MIN_STEPS = 4
 """Heel strikes of alternating feet that make a bout."""
 _UNUSUAL = 0.5
-"""Difference of a step or stride from the median duration of its bout and side, as a share of it, from which on it
-contains a pause or a missed step."""
+"""Relative difference from the median duration of a bout and side, above which a step or stride contains a pause or a
+missed step."""
 _MERGE_S = 0.05
 _SMOOTHING_S = 0.02
 

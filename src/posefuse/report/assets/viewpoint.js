@@ -33,7 +33,7 @@
   const common = (a, b) => ({ left: Math.max(a.left, b.left), right: Math.min(a.right, b.right), top: Math.max(a.top, b.top), bottom: Math.min(a.bottom, b.bottom) });
   const overlap = (a, b) => areaOf(common(a, b)) / (Math.min(areaOf(a), areaOf(b)) || 1);
 
-  // How bad the current viewpoint is, from what it shows of the people in a frame.
+  // The cost of the current viewpoint: how much of the people in a frame it hides.
   function viewCost(people, fronts, pane) {
     const to = freeProjection(pane), { ahead } = axesOf(), eye = state.target.map((v, i) => v - state.distance * ahead[i]);
     const boxes = people.map((points) => screenBox(points, to)).filter(Boolean).map((box) => widened(box, 0.15));
