@@ -110,8 +110,8 @@ def test_body_tables_are_written(run, recording, tmp_path):
     assert "com.csv" in output
     com = rows_of(out / "com.csv")
     assert list(com[0]) == [
-        "frame", "time_s", "person", "x_m", "y_m", "z_m", "x_sd_m", "y_sd_m", "z_sd_m", "vx_m_s", "vy_m_s", "vz_m_s",
-        "vx_sd_m_s", "vy_sd_m_s", "vz_sd_m_s", "known_share", "filled_share", "layer", "known_mass_kg",
+        "frame", "time_s", "person", "x_m", "y_m", "z_m", "sd_x_m", "sd_y_m", "sd_z_m", "vx_m_s", "vy_m_s", "vz_m_s",
+        "sd_vx_m_s", "sd_vy_m_s", "sd_vz_m_s", "known_share", "filled_share", "layer", "known_mass_kg",
     ]  # fmt: skip
     assert 0.7 < float(com[0]["z_m"]) < 1.2
     assert com[0]["layer"] == "solved"

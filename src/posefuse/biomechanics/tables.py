@@ -124,9 +124,9 @@ def _motion_columns(part: CentersOfMass) -> Columns:
     """Return the columns of positions and velocities, each with standard deviations."""
     arrays = {
         "{}_m": part.xyz_m,
-        "{}_sd_m": part.sd_m,
+        "sd_{}_m": part.sd_m,
         "v{}_m_s": part.velocity_m_s,
-        "v{}_sd_m_s": part.velocity_sd_m_s,
+        "sd_v{}_m_s": part.velocity_sd_m_s,
     }
     return {
         title.format(axis): values[..., i].ravel() for title, values in arrays.items() for i, axis in enumerate("xyz")

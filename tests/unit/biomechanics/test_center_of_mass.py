@@ -139,8 +139,8 @@ def test_the_default_writes_a_table_for_people_only(moving, truth):
     parts = list(tables[CENTERS_FILE](moving))
     assert [len(part["frame"]) for part in parts] == [512, 88]
     assert list(parts[0]) == [
-        "frame", "time_s", "person", "x_m", "y_m", "z_m", "x_sd_m", "y_sd_m", "z_sd_m", "vx_m_s", "vy_m_s", "vz_m_s",
-        "vx_sd_m_s", "vy_sd_m_s", "vz_sd_m_s", "known_share", "filled_share", "layer",
+        "frame", "time_s", "person", "x_m", "y_m", "z_m", "sd_x_m", "sd_y_m", "sd_z_m", "vx_m_s", "vy_m_s", "vz_m_s",
+        "sd_vx_m_s", "sd_vy_m_s", "sd_vz_m_s", "known_share", "filled_share", "layer",
     ]  # fmt: skip
     assert np.concatenate([part["frame"] for part in parts]).tolist() == moving.frame_numbers.tolist()
     assert CENTERS_FILE not in body_tables(with_subject(truth, mass_table="none"))
