@@ -1,7 +1,7 @@
 """The overview of a batch, ``batch.csv`` and ``batch.html``, in a folder or on an object store."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from posefuse.batch.jobs import PAGE, TABLE
@@ -57,9 +57,17 @@ def exclusive_output(output: Place) -> Iterator[None]:
     if not isinstance(output, Path):
         yield
         return
+    made = not output.exists()
     output.mkdir(parents=True, exist_ok=True)
     with exclusive_folder(output, output):
-        yield
+        try:
+            yield
+        except BaseException:
+            if made:
+                # A batch that fails before its first recording, for example without a scheduler, leaves no trace.
+                with suppress(OSError):
+                    output.rmdir()
+            raise
 
 
 def write_overview(results: Sequence[JobResult], output: Place) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Generic, TypeVar
+from typing import Annotated, Any, Generic, TypeVar
 
 import numpy as np
 from cyclopts import Parameter
@@ -95,6 +95,7 @@ def inspect(
             say("1 view needs no calibration; posefuse reconstruct gives its points in px")
     _say_ignored(ignored_in(found))
     matched = _say_matches(_Inputs(rigs, seen), options)
+    _refuse_unreadable((calibrations, rigs, _RIG), (keypoint_sets, seen, _KEYPOINTS))
     if check.deep and len(rigs) == len(seen) == 1:
         if matched:
             findings = _examine(rigs[0][1], seen[0][1], options, check.jobs)
@@ -103,6 +104,13 @@ def inspect(
         raise RecordingError(
             "--deep needs one calibration and one set of keypoints. Add --calibration FILE and --keypoints PATH."
         )
+
+
+def _refuse_unreadable(*kinds: tuple[Sequence[RecognizedInput], Sequence[object], "_Kind[Any]"]) -> None:
+    """Raise RecordingError if there are inputs of a kind, but none of them could be read; the reasons are printed."""
+    unreadable = [kind.name if len(items) == 1 else kind.title for items, read, kind in kinds if items and not read]
+    if unreadable:
+        raise RecordingError(f"The {' and the '.join(unreadable)} cannot be read, for the reasons above.")
 
 
 def _given(path: Path, *, calibration: bool) -> RecognizedInput:
