@@ -59,7 +59,7 @@ FILES = {
 ONE_PERSON = ("npz", "freemocap", "anipose")
 ROWS_WITHOUT_GAPS = ("anipose", "dlc")
 _OF_CSV = {
-    "points_m": (0.0, 1e-6), "time_s": (0.0, 1e-6), "sd_m": (1e-3, 1e-11), "reprojection_error_px": (1e-3, 1e-11),
+    "points_m": (1e-15, 1e-6), "time_s": (0.0, 1e-6), "sd_m": (1e-3, 1e-11), "reprojection_error_px": (1e-3, 1e-11),
 }  # fmt: skip
 """Largest relative and absolute differences of CSV files, which have a limited number of digits."""
 

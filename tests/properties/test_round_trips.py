@@ -142,6 +142,9 @@ OTHER_LENSES = {
 def test_calibrations_keep_every_camera(form, seed, names, lens, up, said):
     """Formats report what they cannot represent, and then write nothing."""
     rig = any_rig(np.random.default_rng(seed), names, [lens] * len(names))
+    if form == "qualisys":
+        # XML has one character for the end of a line.
+        said = [re.sub("\r\n?", "\n", text) for text in said]
     rig = replace(rig, up_axis=up, notes=tuple(said), left_out=tuple(said))
     if form == "pose2sim" and lens is LensModel.BROWN and seed % 2:
         rig = replace(rig, cameras=tuple(replace(c, distortion=(*c.distortion[:4], 0.0)) for c in rig.cameras))

@@ -165,9 +165,11 @@ def test_names_do_not_change_the_structure_of_a_report(names):
         result = renamed(results, words[:2], distinct(words[2:4], len(results.rig)))
         names = (*words[5:7], *result.skeleton.keypoints[2:])
         skeleton = Skeleton(words[4], names, ((names[0], names[1]),), description=words[7])
-        notes = ("Health: " + words[7], words[7])
+        # Messages quote names; backticks outside of quotes mark arguments.
+        said = repr(words[7])
+        notes = ("Health: " + said, said)
         provenance = Provenance({"posefuse": words[7]}, {words[6]: "0" * 64}, notes)
-        events = (Event(3, 0.12, words[0], "lost", words[7]), Event(4, 0.16, words[2], "camera_silent", words[7]))
+        events = (Event(3, 0.12, words[0], "lost", said), Event(4, 0.16, words[2], "camera_silent", said))
         return Shape(render_report(replace(result, skeleton=skeleton, provenance=provenance, events=events)))
 
     plain, hostile = page([f"name {i}" for i in range(8)]), page(names)
@@ -179,7 +181,8 @@ def test_names_do_not_change_the_structure_of_a_report(names):
 @examples(30)
 def test_names_do_not_change_the_structure_of_a_batch_report(names):
     def page(words: list[str]) -> Shape:
-        return Shape(batch_page([JobResult(words[0], "failed", words[1]), JobResult(words[2], "failed", words[0])]))
+        jobs = [JobResult(words[0], "failed", repr(words[1])), JobResult(words[2], "failed", repr(words[0]))]
+        return Shape(batch_page(jobs))
 
     assert page(names).found == page(["a", "b", "c"]).found
 

@@ -54,7 +54,7 @@ def close_cameras(n: int = 3) -> CameraRig:
 
 
 @pytest.mark.hypothesis
-@settings(max_examples=15)
+@settings(max_examples=15, deadline=None)
 @given(
     method=st.sampled_from(tuple(METHODS)), n_views=st.integers(2, 6), min_views=st.integers(2, 3),
     outliers=st.floats(0.0, 0.5), drops=st.integers(1, 4), seed=st.integers(0, 1000), close=st.booleans(),

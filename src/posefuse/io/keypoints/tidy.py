@@ -79,6 +79,8 @@ def lost(detections: Detections, path: Path) -> tuple[str, ...]:
     losses = []
     if skeleton_named("tidy", detections.skeleton.keypoints) != detections.skeleton:
         losses.append("the bones, sides and tree of a custom skeleton")
+    if not len(detections.keypoints_px):
+        losses.append("the skeleton, because there are no people; `skeleton` states it when the file is read")
     if tuple(sorted(detections.view_names)) != detections.view_names:
         losses.append("the order of the views, which are sorted by name when read")
     without_frames = detections.n_views - int(np.any(detections.recorded, axis=0).sum())

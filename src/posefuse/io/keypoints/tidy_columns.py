@@ -119,9 +119,11 @@ def detections_of_columns(
         skeleton: Skeleton stated by the file. Default: from the keypoint names.
 
     Raises:
-        FileError: If a column is missing or invalid, or a keypoint occurs twice.
+        FileError: If a column is missing or invalid, a keypoint occurs twice, or nothing identifies the skeleton.
     """
     lines = _lines(path, table, cameras, request.skeleton or skeleton)
+    if not lines.keypoints:
+        raise FileError(f"{path} has no row with a keypoint, so its skeleton is unknown. Set `skeleton`.")
     named = request.skeleton or skeleton or skeleton_named("tidy", lines.keypoints)
     views = [_view(path, lines, v, len(named)) for v in range(len(lines.cameras))]
     return assemble(path, views, named, request.rate_hz)

@@ -14,7 +14,9 @@ from typing import Any
 _OPTION = re.compile(
     r"(?<![\w`'\"./=-])[a-z][a-z0-9]*(?:[._][a-z0-9]+)+(?![\w`'\"./=(])|(?:^|(?<=[.] ))[a-z][a-z0-9]*(?= must )"
 )
-_NAMED = re.compile(r"(?<!`)`([a-z][a-z0-9_.]*)(?:=([^`]*))?`(?!`)")
+_QUOTED = r"""(?<!\w)(?:'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*")(?!\w)"""
+"""A name of the user's, whatever it contains."""
+_NAMED = re.compile(_QUOTED + r"|(?<!`)`([a-z][a-z0-9_.]*)(?:=([^`]*))?`(?!`)")
 
 COMMANDS = {
     "posefuse.calibrate_noise": "posefuse calibrate-noise",
@@ -61,7 +63,7 @@ def as_flags(text: str, mark: Callable[[str], str] = str) -> str:
         text: a message.
         mark: returns each flag or command as it is shown.
     """
-    return _NAMED.sub(lambda found: mark(_flag(found)), text)
+    return _NAMED.sub(lambda found: found[0] if found[1] is None else mark(_flag(found)), text)
 
 
 def _flag(found: re.Match[str]) -> str:
