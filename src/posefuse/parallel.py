@@ -7,6 +7,7 @@ are returned in the order of the pieces.
 import contextlib
 import multiprocessing
 import os
+import shutil
 import signal
 import sys
 import threading
@@ -20,9 +21,10 @@ from functools import partial
 from multiprocessing import forkserver
 from multiprocessing.connection import wait
 from pathlib import Path
-from typing import Literal, Self, TypeVar
+from typing import Any, Literal, Self, TypeVar
 
 from posefuse.errors import OptionsError, PosefuseError, PosefuseWarning, handle_warnings
+from posefuse.parcels import Parcels
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -85,13 +87,15 @@ class Jobs:
     def __init__(self, number: int = 1) -> None:
         self.number = number
         self._pool: ProcessPoolExecutor | None = None
+        self._parcels: Parcels | None = None
         self._started, self._lock = False, threading.Lock()
 
     def __enter__(self) -> Self:
         """Begin to start the processes; they import posefuse while the caller continues."""
         if self.number > 1:
             context = multiprocessing.get_context(_start_method())
-            self._pool = ProcessPoolExecutor(self.number, context, _begin)
+            self._parcels = Parcels()
+            self._pool = ProcessPoolExecutor(self.number, context, _begin, (self._parcels.folder,))
             with one_thread_each():
                 if context.get_start_method() == "forkserver":
                     # Processes are forked at first use, from a server that imports posefuse until then.
@@ -108,7 +112,7 @@ class Jobs:
             if not self._started:
                 with _without_main():
                     for _ in range(self.number):
-                        self._pool.submit(_begin)
+                        self._pool.submit(_wait_for_nothing)
                 self._started = True
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
@@ -120,6 +124,9 @@ class Jobs:
                     process.terminate()
             self._pool.shutdown(wait=True, cancel_futures=True)
             self._pool, self._started = None, False
+        if self._parcels is not None:
+            self._parcels.remove()
+            self._parcels = None
 
     def in_order(
         self, work: Callable[[Item], Result], items: Iterable[Item], lead: int | None = None
@@ -148,17 +155,18 @@ class Jobs:
         if self._pool is None:
             for kept, item in items:
                 yield kept, work(item)
+                del kept, item
             return
-        running: deque[tuple[Kept, Future[tuple[Result, list[str]]]]] = deque()
+        running: deque[tuple[Kept, Future[Any]]] = deque()
         try:
             for kept, item in items:
                 running.append((kept, self._submit(work, item)))
+                # Large values must not stay here while the caller uses the next ones.
+                del kept, item
                 if len(running) > (lead or self.number):
-                    first, future = running.popleft()
-                    yield first, _result_of(future)
+                    yield _next_of(running)
             while running:
-                first, future = running.popleft()
-                yield first, _result_of(future)
+                yield _next_of(running)
         finally:
             for _, future in running:
                 future.cancel()
@@ -218,11 +226,13 @@ class Jobs:
         with ThreadPoolExecutor(len(calls)) as threads:
             return [future.result() for future in [threads.submit(call) for call in calls]]
 
-    def _submit(self, work: Callable[[Item], Result], item: Item) -> "Future[tuple[Result, list[str]]]":
+    def _submit(self, work: Callable[[Item], Result], item: Item) -> "Future[Any]":
+        """Begin work on an item; :func:`_result_of` returns its result."""
         assert self._pool is not None
+        assert self._parcels is not None
         with _explain_death():
             self._start()
-            return self._pool.submit(_run, work, item)
+            return self._pool.submit(_run, self._parcels.sent((work, item)), self._parcels)
 
 
 ONE_JOB = Jobs()
@@ -234,33 +244,46 @@ def _start_method() -> str:
     return "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
 
 
-def _begin() -> None:
-    """Prepare a worker: the parent handles Ctrl-C, and the worker ends with its parent, however that ends."""
+def _begin(folder: Path) -> None:
+    """Prepare a worker: the parent handles Ctrl-C, and the worker ends with its parent, however that ends.
+
+    Args:
+        folder: what is removed if the parent ends without removing it.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
-    if parent is not None and not any(thread.name == _WATCH for thread in threading.enumerate()):
-        threading.Thread(target=_end_with, args=(parent.sentinel,), name=_WATCH, daemon=True).start()
+    if parent is not None:
+        threading.Thread(target=_end_with, args=(parent.sentinel, folder), daemon=True).start()
 
 
-_WATCH = "posefuse-parent"
-
-
-def _end_with(sentinel: int) -> None:
+def _end_with(sentinel: int, folder: Path) -> None:
     wait([sentinel])
+    shutil.rmtree(folder, ignore_errors=True)
     os._exit(1)
 
 
-def _run(work: Callable[[Item], Result], item: Item) -> tuple[Result, list[str]]:
-    """Return a result and the warnings given on the way."""
+def _wait_for_nothing() -> None:
+    """Start a worker."""
+
+
+def _run(sent: Any, parcels: Parcels) -> Any:
+    """Do what was sent; return a result and the warnings given on the way, to be received."""
+    work, item = sent.received()
     given: list[str] = []
     with handle_warnings(given.append):
-        return work(item), given
+        result = work(item)
+    return parcels.sent((result, given))
 
 
-def _result_of(future: "Future[tuple[Result, list[str]]]") -> Result:
+def _next_of(running: "deque[tuple[Kept, Future[Any]]]") -> tuple[Kept, Any]:
+    kept, future = running.popleft()
+    return kept, _result_of(future)
+
+
+def _result_of(future: "Future[Any]") -> Any:
     """Return the result of a worker, and repeat its warnings here."""
     with _explain_death():
-        result, given = future.result()
+        result, given = future.result().received()
     for text in given:
         warnings.warn(text, PosefuseWarning, stacklevel=4)
     return result

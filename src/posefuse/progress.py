@@ -59,6 +59,9 @@ def report_ranges(parts: Iterable[Part], n_frames: int, what: str, progress: Pro
     """
     progress.start(what, n_frames)
     for part in parts:
+        n_part = part.n_frames
         yield part
-        progress.advance(part.n_frames)
+        # The range must not stay in memory while the next one is computed.
+        del part
+        progress.advance(n_part)
     progress.finish()

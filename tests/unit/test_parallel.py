@@ -8,6 +8,7 @@ import threading
 import time
 import warnings
 
+import numpy as np
 import pytest
 
 from posefuse.errors import DetectionsError, OptionsError, PosefuseError, PosefuseWarning
@@ -34,6 +35,10 @@ def die(item: int) -> int:
     if item == 1:
         os.kill(os.getpid(), signal.SIGKILL)
     return item
+
+
+def doubled(numbers: np.ndarray) -> np.ndarray:
+    return 2.0 * numbers
 
 
 def process_of(_: int) -> int:
@@ -156,20 +161,28 @@ def test_a_process_that_dies_is_an_error_that_says_what_to_do():
         list(jobs.in_order(die, range(4)))
 
 
-def test_workers_end_with_a_parent_that_is_killed():
-    """A script without a main guard starts workers, prints their processes and is killed."""
+def test_workers_and_their_files_end_with_a_parent_that_is_killed():
+    """A script without a main guard starts workers, prints their processes and folder, and is killed."""
     script = (
         "import os\nfrom posefuse.parallel import Jobs\nfrom tests.unit.test_parallel import process_of\n"
         "jobs = Jobs(2).__enter__()\nprint(*set(jobs.in_order(process_of, range(4))), flush=True)\n"
-        "os.kill(os.getpid(), 9)\n"
+        "jobs._parcels.sent(bytearray(10**7))\nprint(jobs._parcels.folder, flush=True)\nos.kill(os.getpid(), 9)\n"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=120)
-    workers = [int(each) for each in done.stdout.split()]
+    first, folder = done.stdout.splitlines()
+    workers = [f"/proc/{each}" for each in first.split()]
     assert len(workers) == 2, done.stderr
     until = time.monotonic() + 20.0
-    while any(os.path.exists(f"/proc/{worker}") for worker in workers) and time.monotonic() < until:
+    while any(os.path.exists(each) for each in (*workers, folder)) and time.monotonic() < until:
         time.sleep(0.05)
-    assert not any(os.path.exists(f"/proc/{worker}") for worker in workers)
+    assert not any(os.path.exists(each) for each in (*workers, folder))
+
+
+def test_large_arrays_arrive_whole(jobs):
+    numbers = [np.full((300, 1000), float(i)) for i in range(5)]
+    for i, got in enumerate(jobs.in_order(doubled, numbers)):
+        np.testing.assert_array_equal(got, 2.0 * numbers[i])
+    assert jobs._parcels is None or list(jobs._parcels.folder.iterdir()) == []
 
 
 def test_the_number_of_processes_is_checked():

@@ -39,7 +39,8 @@ def align_parts(parts: Iterable[Reconstruction], alignment: Alignment) -> Iterat
         alignment: aligned world from calibration's world.
     """
     alignment_without_scale = replace(alignment, scale=1.0)
-    return (replace(align(part, alignment_without_scale), alignment=alignment) for part in parts)
+    # Unlike a generator, a map does not keep the last range while the next one is computed.
+    return map(lambda part: replace(align(part, alignment_without_scale), alignment=alignment), parts)
 
 
 def identity_alignment(rig: CameraRig) -> Alignment:

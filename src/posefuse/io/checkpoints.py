@@ -2,7 +2,7 @@
 
 ``manifest.json`` holds a digest of everything the parts depend on: contents of the inputs, options and versions. Every
 other file is one part, written to a temporary file and renamed when it is complete. A part starts with a line of JSON:
-the digest of the manifest, the part's own digest, and its size. Parts of other inputs, of another layout, or damaged
+the digest of the manifest, the part's own digest, and its sizes. Parts of other inputs, of another layout, or damaged
 ones are not used. Spools (``*.spool``) are append-only files; each part records their length when it was saved. A
 finished result (``whole.file``), with a part that holds its digest, finally replaces all other parts.
 """
@@ -18,48 +18,16 @@ import tempfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
-from enum import Enum
-from io import BytesIO
 from pathlib import Path
 from typing import Any, Self
 
-import numpy as np
-from backports import zstd
-
 from posefuse.arguments import checked
 from posefuse.errors import FileError
+from posefuse.io.part_content import Packed, compressed, copied, loaded, packed, unpacked
 
 _MANIFEST = "manifest.json"
-_LAYOUT = 4
-_NUMBER_BYTES = 8
-_CACHED_NUMBERS = 8192
-_COMPRESSION_LEVEL = -1
-"""Level 1 takes nearly twice the time for a tenth less."""
+_LAYOUT = 5
 _WHOLE = "whole"
-_OURS = (
-    "posefuse.model.",
-    "posefuse.skeleton.",
-    "posefuse.kinematics.",
-    "posefuse.tracking.",
-    "posefuse.pipeline.people.",
-    "posefuse.kernels.",
-)
-_FOREIGN = {
-    ("array", "array"),
-    ("array", "_array_reconstructor"),
-    ("collections", "OrderedDict"),
-    ("functools", "partial"),
-    ("numpy", "ndarray"),
-    ("numpy", "dtype"),
-    ("numpy._core.multiarray", "_reconstruct"),
-    ("numpy._core.multiarray", "scalar"),
-    ("numpy._core.numeric", "_frombuffer"),
-}
-_FUNCTIONS = {
-    ("posefuse.pipeline.people.initial_noise", "propose_people"),
-    ("posefuse.tracking.strategies.specification", "configure"),
-    ("posefuse.tracking.strategy", "same_settings"),
-}
 
 
 def digest_of(values: Mapping[str, Any]) -> str:
@@ -132,8 +100,8 @@ class CheckpointFolder:
         """
         try:
             with self._path(name).open("rb") as file:
-                head, packed = json.loads(file.readline()), file.read()
-            if head["key"] != self.key or head["sha256"] != _digest(head, packed):
+                head, content = Packed.read(file)
+            if head["key"] != self.key:
                 return None
         except (OSError, ValueError, KeyError, TypeError):
             return None
@@ -144,43 +112,43 @@ class CheckpointFolder:
                 return None
             os.truncate(self._spool_path(spool), size)
         try:
-            return _loaded(_unpacked(packed, head["size"]))
+            return content.unpacked()
         except pickle.UnpicklingError as error:
             raise FileError(f"{self._path(name)}: {error}. Its origin is unknown; remove {self.folder}.") from None
 
     def save(self, name: str, value: Any) -> Any:
-        """Store a part, replacing one of the same name, and return it as :meth:`load` would."""
-        content = pickle.dumps(value, protocol=5)
+        """Store a part, replacing one of the same name, and return it as :meth:`load` would.
+
+        What is returned shares the memory of the value's arrays.
+        """
+        content, kept = compressed(value)
         self._store(name, content)
-        return _loaded(content)
+        return kept
 
     def begin_save(self, name: str, value: Any, thread: Executor) -> tuple[Any, Callable[[], None]]:
         """Store a part in a thread; return it as :meth:`load` would, and a function that waits until it is stored.
 
         Until then, only the thread may append to the part's spools, after the part is stored.
         """
-        content = pickle.dumps(value, protocol=5)
-        return _loaded(content), thread.submit(self._store, name, content).result
+        content, kept = copied(value)
+        return kept, thread.submit(lambda: self._store(name, Packed.of(content))).result
 
-    def _store(self, name: str, content: bytes) -> None:
-        packed = _packed(content)
+    def _store(self, name: str, content: Packed) -> None:
         spools = {each: size for each, size in self._spool_sizes().items() if each.startswith(f"{name}.")}
-        head = {"key": self.key, "size": len(content), "spools": spools}
         self.begin()
         with _explain_write_errors(self.folder):
             for each in spools:
                 with self._spool_path(each).open("rb+") as file:
                     os.fsync(file.fileno())
-            self._write(name, {**head, "sha256": _digest(head, packed)}, packed)
+            self._write(name, {"key": self.key, "spools": spools}, content)
 
-    def _write(self, name: str, head: Mapping[str, Any], packed: bytes) -> None:
+    def _write(self, name: str, head: Mapping[str, Any], content: Packed) -> None:
         # Another process, possibly on another machine, may write the same part.
         number, made = tempfile.mkstemp(".partial", f"{name}.", self.folder)
         temporary = Path(made)
         try:
             with os.fdopen(number, "wb") as file:
-                file.write(json.dumps(head, sort_keys=True).encode() + b"\n")
-                file.write(packed)
+                content.write(file, head)
                 file.flush()
                 os.fsync(file.fileno())
             os.replace(temporary, self._path(name))
@@ -309,11 +277,11 @@ class FileSpool:
     def add(self, value: Any) -> int:
         """Append a value and return its position."""
         content = pickle.dumps(value, protocol=5)
-        packed = _packed(content)
+        small = packed(memoryview(content))
         with _explain_write_errors(self._path), self._path.open("ab") as file:
             place = file.tell()
-            sizes = _SIZES.pack(len(packed), len(content))
-            file.write(sizes + zlib.crc32(packed, zlib.crc32(sizes)).to_bytes(4, "little") + packed)
+            sizes = _SIZES.pack(len(small), len(content))
+            file.write(sizes + zlib.crc32(small, zlib.crc32(sizes)).to_bytes(4, "little") + small)
         return place
 
     def read(self, place: int) -> Any:
@@ -326,74 +294,12 @@ class FileSpool:
             file.seek(place)
             sizes, check = file.read(_SIZES.size), file.read(4)
             length, size = _SIZES.unpack(sizes) if check else (0, 0)
-            packed = file.read(min(length, self._path.stat().st_size))
-        if not check or zlib.crc32(packed, zlib.crc32(sizes)).to_bytes(4, "little") != check:
+            small = file.read(min(length, self._path.stat().st_size))
+        if not check or zlib.crc32(small, zlib.crc32(sizes)).to_bytes(4, "little") != check:
             folder = self._path.parent
             raise FileError(f"{self._path} is damaged at byte {place}. Remove {folder} and start again.")
-        return _loaded(_unpacked(packed, size))
+        return loaded(bytes(unpacked(small, size)))
 
 
 _SIZES = struct.Struct("<QQ")
 """Header of a value in a spool: its packed and unpacked sizes. A checksum and the value follow."""
-
-
-def _digest(head: Mapping[str, Any], packed: bytes) -> str:
-    """Return the digest of a part and its header."""
-    header = json.dumps([head["key"], head["size"], sorted(head["spools"].items())])
-    return hashlib.sha256(header.encode() + packed).hexdigest()
-
-
-def _packed(content: bytes) -> bytes:
-    """Compress bytes that are mostly float64 numbers: the first bytes of all numbers, then the second ones, ..."""
-    given, whole = np.frombuffer(content, dtype=np.uint8), len(content) - len(content) % _NUMBER_BYTES
-    numbers, ordered = given[:whole].reshape(-1, _NUMBER_BYTES), np.empty(len(content), dtype=np.uint8)
-    planes = ordered[:whole].reshape(_NUMBER_BYTES, -1)
-    # Pieces that fit in the cache are transposed in half the time.
-    for start in range(0, len(numbers), _CACHED_NUMBERS):
-        planes[:, start : start + _CACHED_NUMBERS] = numbers[start : start + _CACHED_NUMBERS].T
-    ordered[whole:] = given[whole:]
-    return zstd.compress(ordered.data, _COMPRESSION_LEVEL)
-
-
-def _unpacked(packed: bytes, size: int) -> bytes:
-    content = zstd.ZstdDecompressor().decompress(packed, max_length=size)
-    if len(content) != size:
-        raise ValueError(f"{len(content)} bytes instead of {size}")
-    whole = size - size % _NUMBER_BYTES
-    return np.frombuffer(content, dtype=np.uint8, count=whole).reshape(_NUMBER_BYTES, -1).T.tobytes() + content[whole:]
-
-
-def _member(enumeration: Any, name: str) -> Enum:
-    """Return a member of an enumeration.
-
-    Raises:
-        pickle.UnpicklingError: for an attribute of anything else.
-    """
-    if isinstance(enumeration, type) and issubclass(enumeration, Enum) and name in enumeration.__members__:
-        return enumeration[name]
-    raise pickle.UnpicklingError(f"a part of a reconstruction cannot hold {enumeration!r}.{name}")
-
-
-class _Unpickler(pickle.Unpickler):
-    """Creates arrays and posefuse's own records only, since a folder of parts may come from an untrusted source."""
-
-    def find_class(self, module: str, name: str) -> Any:
-        """Return a class that parts consist of.
-
-        Raises:
-            pickle.UnpicklingError: for any other class or function.
-        """
-        if (module, name) in _FOREIGN:
-            return super().find_class(module, name)
-        if (module, name) == ("builtins", "getattr"):
-            # Early releases of Python 3.11 store members of enumerations as attributes of their class.
-            return _member
-        if module.startswith(_OURS):
-            found = super().find_class(module, name)
-            if (module, name) in _FUNCTIONS or (isinstance(found, type) and found.__module__ == module):
-                return found
-        raise pickle.UnpicklingError(f"a part of a reconstruction cannot hold {module}.{name}")
-
-
-def _loaded(content: bytes) -> Any:
-    return _Unpickler(BytesIO(content)).load()

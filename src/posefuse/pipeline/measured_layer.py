@@ -120,6 +120,7 @@ def _measured(plan: Plan, checkpoint: Checkpoint, jobs: Jobs, first: int = 0) ->
         del piece, measured
         release_free_memory()
         yield part
+        del part
 
 
 def _smoothed(
@@ -139,6 +140,8 @@ def _smoothed(
             # missing chunk begins, whenever the run is interrupted.
             smoother.resume_from(checkpoint.save(_SMOOTHER.format(i % _SMOOTHERS), smoother.memory))
         yield people
+        # The caller may have written this chunk before the next one is computed.
+        del people
 
 
 def _smoother_at(plan: Plan, checkpoint: Checkpoint, start: int, jobs: Jobs) -> WholeSmoother:
@@ -170,11 +173,14 @@ def _solved(plan: Plan, solver: LayerSolver, checkpoint: Checkpoint, jobs: Jobs)
         return
     first = max(spans[done][0] - solver.margin, 0) // chunk
     parts = _measured(plan, checkpoint, jobs, first)
-    for i, part in enumerate(solver.solve(parts, n_frames, done=done, begin=first * chunk, jobs=jobs), done):
+    # Not by enumerate, which would keep each range until the next one is complete.
+    for part in solver.solve(parts, n_frames, done=done, begin=first * chunk, jobs=jobs):
         if checkpoint.enabled:
-            part = checkpoint.save(_SOLVED.format(i), FrameRange.of(part)).to_reconstruction(part)
+            part = checkpoint.save(_SOLVED.format(done), FrameRange.of(part)).to_reconstruction(part)
+        done += 1
         release_free_memory()
         yield part
+        del part
 
 
 @dataclass(frozen=True, eq=False)

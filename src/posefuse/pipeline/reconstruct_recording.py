@@ -11,6 +11,7 @@ from typing import Any
 from posefuse.arguments import checked
 from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
 from posefuse.errors import PosefuseWarning, RecordingError, handle_warnings
+from posefuse.free_memory import release_free_memory
 from posefuse.io.checkpoints import CheckpointFolder, remove_parts
 from posefuse.io.files import CHECKPOINT_FOLDER, replacing_folder
 from posefuse.io.object_stores import require_local
@@ -328,12 +329,15 @@ class _Run:
         else:
             plan = prepare(*recording, self.progress, parts, jobs=jobs)
         plan = replace(plan, provenance=replace(plan.provenance, inputs=opened.digests))
+        release_free_memory()
         findings = begin_check(plan, jobs)
         plan = replace(with_layer_scores(plan, jobs), findings=findings())
+        release_free_memory()
         if runner is not None:
             netcdf.write(reconstruct_distributed(plan, runner, self.progress), path)
         else:
             _write_chunks(plan, self.progress, parts, path, jobs)
+        release_free_memory()
         return plan
 
 

@@ -1,6 +1,6 @@
 """The solved layer: measured points processed over time, in windows of a recording of any length."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Protocol
@@ -210,10 +210,11 @@ class LayerSolver:
             jobs: processes that solve.
         """
         windows = frame_windows(iter(parts), n_frames, self.margin, size or self.size, done, begin)
-        pieces = ((window.without_margin(), self._piece(window)) for window in windows)
+        pieces = map(self._part_and_piece, windows)
         # No window waits for a process: each takes as much memory as the range itself.
-        for part, solved in jobs.in_order_with(_solve_piece, pieces, jobs.number - 1):
-            yield _with_solved(part, solved)
+        solved = jobs.in_order_with(_solve_piece, pieces, jobs.number - 1)
+        # Unlike a generator, a map does not keep a range while the next one is computed.
+        return map(lambda found: _with_solved(*found), solved)
 
     def solve_window(self, window: FrameWindow) -> Reconstruction:
         """Return the range of a window with its solved layer."""
@@ -237,12 +238,13 @@ class LayerSolver:
         """The step that knows which feet rest."""
         return next((each for each in self.steps if isinstance(each, Trajectory) and each.contact is not None), None)
 
-    def _piece(self, window: FrameWindow) -> "tuple[LayerSolver, FrameWindow]":
-        """Return the same as :meth:`restricted_to`, without bodies where the steps do not read them."""
+    def _part_and_piece(self, window: FrameWindow) -> "tuple[Reconstruction, tuple[LayerSolver, FrameWindow]]":
+        """Return the range, and the same as :meth:`restricted_to`, without bodies where the steps do not read them."""
+        own = window.without_margin()
         if self._contact_step is None:
             layers = {"measured": window.part.layers["measured"]}
             window = replace(window, part=replace(window.part, layers=layers, poses=None))
-        return self.restricted_to(window)
+        return own, self.restricted_to(window)
 
     def restricted_to(self, window: FrameWindow) -> "tuple[LayerSolver, FrameWindow]":
         """Return a solver that holds the data of a window only, and the window by its frame indices.
@@ -306,14 +308,31 @@ def frame_windows(
             held.append(next(parts))
             end += held[-1].n_frames
             begin += _drop_before(held, first - begin)
-        events = held[0].events
-        part = Reconstruction.concatenate(held).frames(first - begin, last - begin)
-        own = _find_range(held, start - begin, stop - begin)
-        own = None if own is None else replace(own, events=events)
-        yield FrameWindow(replace(part, events=events), first, start, stop, own)
+        yield _window_of(held, begin, (first, last), (start, stop))
 
 
-def _find_range(held: list[Reconstruction], start: int, stop: int) -> Reconstruction | None:
+def _window_of(
+    held: Sequence[Reconstruction], begin: int, around: tuple[int, int], span: tuple[int, int]
+) -> FrameWindow:
+    """Return a window of consecutive ranges.
+
+    Args:
+        held: the ranges, each with frames of the window.
+        begin: index of the first frame of the first range.
+        around: first frame and end of the window.
+        span: first frame and end of the window without its margins.
+    """
+    events, parts, at = held[0].events, [], begin
+    for each in held:
+        # Only the frames of the window are copied.
+        parts.append(each.frames(max(around[0] - at, 0), min(around[1] - at, each.n_frames)))
+        at += each.n_frames
+    own = _find_range(held, span[0] - begin, span[1] - begin)
+    own = None if own is None else replace(own, events=events)
+    return FrameWindow(replace(Reconstruction.concatenate(parts), events=events), around[0], *span, own)
+
+
+def _find_range(held: Sequence[Reconstruction], start: int, stop: int) -> Reconstruction | None:
     """Return the range that consists of these frames, counted from the first one held, or None."""
     for each in held:
         if (start, stop) == (0, each.n_frames):

@@ -22,6 +22,7 @@ import posefuse
 from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
 from posefuse.errors import FileError
 from posefuse.io.checkpoints import CheckpointFolder
+from posefuse.io.part_content import Packed
 from posefuse.io.results import netcdf
 from posefuse.model.lenses import LensModel
 from posefuse.model.options.options import Options
@@ -330,6 +331,8 @@ class TestParts:
         parts = CheckpointFolder(tmp_path / "parts", "key")
         with pytest.raises(pickle.UnpicklingError, match="cannot hold"):
             parts.save("a", evil)
+        assert not parts.contains("a")
+        parts._store("a", Packed.of(pickle.dumps(evil)))
         with pytest.raises(FileError, match="Its origin is unknown"):
             parts.load("a")
 

@@ -82,6 +82,8 @@ def write(parts: Iterable[Reconstruction], path: Path) -> None:
             _append(file, rounded(part), start)
             events |= dict.fromkeys(part.events)
             start += part.n_frames
+            # The range must not stay in memory while the next one is computed.
+            del part
         _write_events(file, tuple(events))
 
 
