@@ -15,6 +15,7 @@ import pytest
 import posefuse
 from posefuse.batch.jobs import jobs_of
 from posefuse.batch.work import run_job
+from posefuse.errors import StreamError
 from posefuse.io.calibration import anipose
 from posefuse.io.checkpoints import CheckpointFolder
 from posefuse.io.files import CHECKPOINT_FOLDER
@@ -303,6 +304,17 @@ def test_divided_recording_gives_the_same_result_if_a_worker_dies(run, tmp_path,
     assert pieces.person_ids == whole.person_ids
     np.testing.assert_array_equal(pieces.tracks.state[:], whole.tracks.state[:])
     assert pieces.layers["measured"].frames(0, pieces.n_frames) == whole.layers["measured"].frames(0, whole.n_frames)
+
+
+def test_a_batch_that_cannot_start_leaves_no_folder(run, tmp_path, monkeypatch):
+    def fail(*_: object, **__: object) -> None:
+        raise StreamError("No scheduler.")
+
+    monkeypatch.setattr("posefuse.batch.cluster.on_cluster", fail)
+    (tmp_path / "x").mkdir()
+    code, _, said = run("batch", tmp_path / "x", "-o", tmp_path / "out", "--scheduler", "tcp://127.0.0.1:9")
+    assert (code, said.strip()) == (1, "error: No scheduler.")
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(

@@ -154,6 +154,9 @@ def test_inspect(run, recording, tmp_path, clean_scene):
     assert "cannot be read" in " ".join(output.split())
     code, _, output = run("inspect", tmp_path / "recording" / "..")
     assert code == 0
+    code, _, output = run("inspect", recording, "--calibration", recording / "old.toml")
+    assert code == 1
+    assert "The calibration cannot be read" in " ".join(output.split())
 
 
 def test_formats_and_methods_are_listed(run):
