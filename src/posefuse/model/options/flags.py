@@ -14,6 +14,7 @@ from typing import Any
 _OPTION = re.compile(
     r"(?<![\w`'\"./=-])[a-z][a-z0-9]*(?:[._][a-z0-9]+)+(?![\w`'\"./=(])|(?:^|(?<=[.] ))[a-z][a-z0-9]*(?= must )"
 )
+_OF_FILE = re.compile(r"[^:]+\.toml: ")
 _QUOTED = r"""(?<!\w)(?:'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*")(?!\w)"""
 """A name of the user's, whatever it contains."""
 _NAMED = re.compile(_QUOTED + r"|(?<!`)`([a-z][a-z0-9_.]*)(?:=([^`]*))?`(?!`)")
@@ -33,8 +34,11 @@ FLAGS = {"format": "--to", "path": "--output", "rigid=True": "--from board", "vi
 def options_as_flags(text: str) -> str:
     """Return the message of an invalid option with flags in place of the names of options, which are not in backticks.
 
-    Names with a dot or an underscore are options wherever they occur, others at the start of a sentence.
+    Names with a dot or an underscore are options wherever they occur, others at the start of a sentence. A message on a
+    TOML file names options as the file does.
     """
+    if _OF_FILE.match(text):
+        return text
     return _OPTION.sub(
         lambda found: f"--{found[0].replace('_', '-')}" if found[0] in _option_names() else found[0], text
     )

@@ -126,6 +126,7 @@ def test_one_error_in_python_and_on_the_command_line(tmp_path, capsys):
         ("stature_m must be a number.", "--stature-m must be a number."),
         ("rate_hz must be 3. skeleton must be a name.", "--rate-hz must be 3. --skeleton must be a name."),
         ("triangulation.min_views must be 2.", "--triangulation.min-views must be 2."),
+        ("lab.toml: tracker.lag_s must be at least 0 s.", "lab.toml: tracker.lag_s must be at least 0 s."),
         ("end_s (1.0) must be above start_s (2.0).", "--end-s (1.0) must be above --start-s (2.0)."),
         (
             "got 'left_knee' in a_file.toml, `rate_hz` and rate_hz=3",
@@ -136,6 +137,19 @@ def test_one_error_in_python_and_on_the_command_line(tmp_path, capsys):
 )
 def test_names_of_options_are_shown_as_flags(message, shown):
     assert options_as_flags(message) == shown
+
+
+@pytest.mark.parametrize(
+    ("message", "shown"),
+    [
+        ("Set `rate_hz`.", "Set --rate-hz."),
+        ("camera '`rate_hz`' is silent", "camera '`rate_hz`' is silent"),
+        ('camera "it\'s `x`" is silent; set `rate_hz`', 'camera "it\'s `x`" is silent; set --rate-hz'),
+        ("the views' `rate_hz` and the cameras' `rate_hz`", "the views' --rate-hz and the cameras' --rate-hz"),
+    ],
+)
+def test_names_in_quotes_are_not_arguments(message, shown):
+    assert as_flags(message) == shown
 
 
 def test_an_invalid_value_names_its_flag(capsys):
