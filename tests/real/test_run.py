@@ -20,13 +20,23 @@ def detect(monkeypatch):
     return DetectOptions(detector="mediapipe")
 
 
+def check_errors(result: posefuse.Reconstruction, measured_px: float) -> None:
+    """Check the errors of measured points, and that the best layer predicts left-out views best.
+
+    Smoothing increases the errors in the views that were used.
+    """
+    assert np.nanmedian(result.layers["measured"].reprojection_error_px) < measured_px
+    errors = {each.layer: each.mean_px for each in result.layer_scores}
+    assert errors[result.best_layer()[0]] == min(errors.values())
+
+
 @pytest.mark.long
 def test_no_leg_is_exchanged_with_the_other(shared_data, detect, tmp_path):
     """The given calibration explains the keypoints to 12.8 px, and sees points of known position 10 px off."""
     shutil.copytree(shared_data("pose2sim_videos"), tmp_path / "take")
     outcome = posefuse.run(tmp_path / "take", tmp_path / "out", RunOptions(detect=detect))
     result = outcome.reconstruction.open()
-    assert np.nanmedian(result.best_layer()[1].reprojection_error_px) < 13.8
+    check_errors(result, 13.8)
     trial = shared_data("pose2sim") / "balancing_one_person" / "pose-3d"
     reference = posefuse.read_points(trial / "S00_P00_T01_BalancingTrial_0-100.trc")
     exported = posefuse.read_points(tmp_path / "out" / "result" / "person_1.trc")
@@ -45,7 +55,7 @@ def test_calibration_from_the_person_alone(shared_data, detect, tmp_path):
     shutil.copytree(shared_data("pose2sim_videos") / "videos", tmp_path / "take")
     outcome = posefuse.run(tmp_path / "take", tmp_path / "out", RunOptions(detect=detect))
     result = outcome.reconstruction.open()
-    assert np.nanmedian(result.best_layer()[1].reprojection_error_px) < 8.0
+    check_errors(result, 8.0)
     assert set(json.loads((tmp_path / "out" / "run.json").read_text())["stages"]) == {
         "calibrate", "synchronize", "report",
     }  # fmt: skip

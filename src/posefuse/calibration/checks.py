@@ -149,17 +149,19 @@ def require_determined(uncertainty: Uncertainty, rig: CameraRig, distance_m: flo
         )
     uncertain = [v for v in range(len(rig)) if not is_determined(uncertainty, v, distance_m)]
     if uncertain:
-        descriptions = []
+        descriptions, fewer = [], ""
         for v in uncertain:
             rotation_deg, shift_m, focal = pose_sds(uncertainty.block(v))
+            if focal > 0:
+                fewer = "refine fewer parameters (`refine='extrinsics'`), "
             lens = f", focal length {100 * focal:.2g} %" if focal > 0 else ""
             descriptions.append(
                 f"{rig.names[v]!r}: rotation {rotation_deg:.2g} degrees, position {100 * shift_m:.2g} cm{lens}"
             )
         raise CalibrationError(
             f"These points do not determine the cameras accurately enough. Standard deviations would be, for "
-            f"{'; '.join(descriptions)}. Fix such cameras (`fix`), exclude them (`exclude_camera`), refine fewer "
-            "parameters (`refine='extrinsics'`), use a board (`rigid=True`), or use more of the recording; a subject "
+            f"{'; '.join(descriptions)}. Fix such cameras (`fix`), exclude them (`exclude_camera`), {fewer}"
+            "use a board (`rigid=True`), or use more of the recording; a subject "
             "that moves through the whole volume is most informative."
         )
 

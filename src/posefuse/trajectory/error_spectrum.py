@@ -77,15 +77,21 @@ class ErrorSpectrum:
             inflation: variance of the white errors that the mean assumes, relative to the actual ones.
             leverage: covariance of the mean relative to that of a point from one frame, both with inflated variances.
         """
-        correlation = float(np.exp(-self.step_s / self.correlation_s)) if self.correlation_s > 0.0 else 0.0
         frames = 1.0 / np.clip(leverage, 1e-6, 1.0)
-        lost = 2.0 * correlation * (1.0 - correlation**frames) / (frames * (1.0 - correlation) ** 2)
-        return self.level / inflation * ((1.0 + correlation) / (1.0 - correlation) - lost)
+        if self.correlation_s <= 0.0:
+            return np.broadcast_to(self.level / inflation, np.shape(frames)).copy()
+        decay = self.step_s / self.correlation_s
+        correlation, apart = np.exp(-decay), max(-np.expm1(-decay), 1e-15)
+        lost = -2.0 * correlation * np.expm1(-decay * frames) / (frames * apart**2)
+        # Errors that never change leave the variance of one frame, whatever the number of frames.
+        return self.level / inflation * np.clip((1.0 + correlation) / apart - lost, 1.0, frames)
 
 
 def _power(correlation: float, angle: np.ndarray) -> np.ndarray:
     """Return the power of an autoregressive process of unit variance at frequencies in radians per frame."""
-    return (1.0 - correlation**2) / (1.0 + correlation**2 - 2.0 * correlation * np.cos(angle))
+    # The sine keeps low frequencies apart when the correlation is almost one.
+    apart = np.square(1.0 - correlation) + 4.0 * correlation * np.square(np.sin(0.5 * angle))
+    return (1.0 - correlation) * (1.0 + correlation) / apart
 
 
 @lru_cache(maxsize=64)

@@ -50,3 +50,24 @@ def test_no_path_is_less_certain_than_a_single_frame_where_fewer_frames_than_usu
     # The inflated variance of the frame's own point becomes the actual one, and some motion is lost.
     assert 0.7 / 8.0 < alone < 2.0 * 0.7 / 8.0
     assert alone < 0.2 * usual
+
+
+@pytest.mark.parametrize("correlation_s", [0.0, 1e-4, 0.05, 2.0, 1e3, 1e9, 1e300])
+@pytest.mark.parametrize("frames", [1, 2, 30, 5000])
+def test_variance_of_the_mean_of_correlated_errors(correlation_s, frames):
+    """The factor is the number of frames times the variance of their mean, whose terms are summed here."""
+    spectrum = ErrorSpectrum(correlation_s, 1.0 / 60.0, 2)
+    correlation = np.exp(-1.0 / 60.0 / correlation_s) if correlation_s else 0.0
+    lags = np.arange(1, frames)
+    expected = 1.0 + 2.0 * ((1.0 - lags / frames) * correlation**lags).sum()
+    actual = spectrum.mean_factor(np.array([1.0]), np.array([1.0 / frames]))
+    np.testing.assert_allclose(actual, expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("correlation_s", [1e3, 1e9, 1e300])
+def test_errors_that_hardly_change_have_a_finite_spectrum(correlation_s):
+    spectrum = ErrorSpectrum(correlation_s, 1.0 / 60.0, 2)
+    assert np.isfinite(spectrum.power(np.array([0.0, 1e-3, 1.0, 1e6]))).all()
+    factor = spectrum.covariance_factor(np.array([1.0]), np.linspace(-40.0, 20.0, 50)[None], np.full((1, 50), 0.2))
+    assert np.isfinite(factor).all()
+    assert (factor >= 0.0).all()
