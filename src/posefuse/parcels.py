@@ -8,6 +8,7 @@ import contextlib
 import mmap
 import os
 import pickle
+import secrets
 import shutil
 import tempfile
 from collections.abc import Sequence
@@ -52,10 +53,10 @@ class _Letter:
 
 
 class Parcels:
-    """A temporary folder for values on their way."""
+    """A temporary folder for values on their way, created with the first file."""
 
     def __init__(self) -> None:
-        self.folder = Path(tempfile.mkdtemp(prefix="posefuse-"))
+        self.folder = Path(tempfile.gettempdir(), f"posefuse-{secrets.token_hex(8)}")
 
     def sent(self, value: Any) -> _Parcel | _Letter:
         """Return what to send instead of a value; its ``received()`` returns the value.
@@ -79,6 +80,7 @@ class Parcels:
         Raises:
             OSError: if it cannot be written.
         """
+        self.folder.mkdir(mode=0o700, exist_ok=True)
         number, name = tempfile.mkstemp(dir=self.folder)
         spans = []
         try:
