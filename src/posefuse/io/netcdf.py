@@ -151,9 +151,22 @@ def add_variable(
         variable = file.create_variable(name, dimensions, dtype=kind, **packed)
         if data is not None:
             variable[...] = data
+    if data is not None:
+        variable._h5ds.flush()
     for key, value in attributes.items():
         variable.attrs[key] = value
     return variable
+
+
+def write_rows(file: h5netcdf.File, name: str, start: int, values: np.ndarray) -> None:
+    """Write rows of a variable from index ``start`` on.
+
+    Rows are in the file in the order in which they are written. Without the flush, their place would depend on when
+    Python collects objects that keep a variable open, and so on what the process did before.
+    """
+    variable = file.variables[name]
+    variable[start : start + len(values)] = values
+    variable._h5ds.flush()
 
 
 def strings(variable: Any) -> tuple[str, ...]:

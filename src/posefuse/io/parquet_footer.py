@@ -76,7 +76,7 @@ def _children(
 ) -> list[tuple[str, tuple[str, ...]]]:
     """Take the descendants of an element; return the name of each child, and the names of the fields of structs."""
     found = []
-    for _ in range(parent.get(_CHILDREN, 0)):
+    for _ in range(_field(parent, _CHILDREN, int) if _CHILDREN in parent else 0):
         element = next(elements, None)
         if element is None or depth > _MAX_DEPTH:
             raise ValueError("its schema is truncated")

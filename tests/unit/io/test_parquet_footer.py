@@ -1,5 +1,6 @@
 """Row groups of parquet footers: the values that pyarrow reads, and an error for every broken footer."""
 
+import contextlib
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posefuse.io.parquet_footer import row_groups
+from posefuse.io.parquet_footer import metadata_keys, row_groups, schema
 from tests.broken import run_library
 
 
@@ -70,6 +71,9 @@ def test_broken_footer_is_an_error(data, content, tmp_path_factory):
     cut = data.draw(st.sampled_from([len(content), 0, 3, len(content) - 1, len(content) // 2]))
     path = tmp_path_factory.getbasetemp() / "broken.parquet"
     path.write_bytes(broken[:cut])
+    for read in (schema, metadata_keys):
+        with contextlib.suppress(ValueError):
+            read(path)
     try:
         groups = row_groups(path)
     except ValueError:

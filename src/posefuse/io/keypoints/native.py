@@ -18,6 +18,7 @@ from posefuse.io.netcdf import (
     stored_array,
     strings,
     text_of,
+    write_rows,
 )
 from posefuse.model.detections import Detections
 
@@ -91,20 +92,19 @@ def write(detections: Detections, path: Path) -> None:
         add_variable(file, "offsets", ("cell",), detections.offsets)
         if detections.notes:
             add_variable(file, "note", ("note",), np.array(detections.notes))
-        long = {
-            "keypoints_px": add_variable(file, "keypoints_px", ("row", "keypoint", "pixel"), dtype="f8", units="px"),
-            "confidence": add_variable(file, "confidence", ("row", "keypoint"), dtype="f8"),
-            "track_ids": add_variable(file, "track_id", ("row",), dtype="i8"),
-        }
+        add_variable(file, "keypoints_px", ("row", "keypoint", "pixel"), dtype="f8", units="px")
+        add_variable(file, "confidence", ("row", "keypoint"), dtype="f8")
+        add_variable(file, "track_id", ("row",), dtype="i8")
+        long = {"keypoints_px": "keypoints_px", "confidence": "confidence", "track_ids": "track_id"}
         for name in ("depth", "sigma_px"):
             if getattr(detections, name) is not None:
-                long[name] = add_variable(file, name, ("row", "keypoint"), dtype="f8")
+                add_variable(file, name, ("row", "keypoint"), dtype="f8")
+                long[name] = name
         start = 0
         for chunk in detections.chunks():
-            stop = start + int(chunk.offsets[-1])
-            for name, variable in long.items():
-                variable[start:stop] = getattr(chunk, name)
-            start = stop
+            for field, name in long.items():
+                write_rows(file, name, start, getattr(chunk, field))
+            start += int(chunk.offsets[-1])
 
 
 def lost(detections: Detections, path: Path) -> tuple[str, ...]:

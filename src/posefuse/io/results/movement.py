@@ -18,7 +18,7 @@ import numpy as np
 from posefuse.errors import FileError, choices
 from posefuse.io.files import must_exist, replacing
 from posefuse.io.hdf5 import open_hdf5
-from posefuse.io.netcdf import add_variable, strings
+from posefuse.io.netcdf import add_variable, strings, write_rows
 from posefuse.io.results.format import ResultFormat
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import COVARIANCE_ENTRIES, Layer, Reconstruction
@@ -50,13 +50,13 @@ def write(result: Reconstruction, path: Path, layer: LayerName, progress: Progre
         for part in parts:
             stop = start + part.n_frames
             file.resize_dimension("time", stop)
-            file.variables["time"][start:stop] = part.time_s if has_times else part.frame_numbers
-            file.variables["frame_number"][start:stop] = part.frame_numbers
+            write_rows(file, "time", start, part.time_s if has_times else part.frame_numbers)
+            write_rows(file, "frame_number", start, part.frame_numbers)
             shape = part.n_frames, len(part.skeleton), len(part.person_ids)
             # Assigning a scalar would write element by element.
-            file.variables["confidence"][start:stop] = np.full(shape, np.nan)
+            write_rows(file, "confidence", start, np.full(shape, np.nan))
             for attribute, (name, axes, *_) in _VARIABLES.items():
-                file.variables[name][start:stop] = _transposed(part.layers[layer], attribute, len(axes))
+                write_rows(file, name, start, _transposed(part.layers[layer], attribute, len(axes)))
             start = stop
 
 

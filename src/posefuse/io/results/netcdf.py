@@ -34,6 +34,7 @@ from posefuse.io.netcdf import (
     stored_array,
     strings,
     text_of,
+    write_rows,
 )
 from posefuse.io.options import options_to_toml, stored_options
 from posefuse.io.results import netcdf_angles
@@ -250,25 +251,25 @@ def _attributes(name: str, unit: str, codes: type[IntEnum] | None) -> dict[str, 
 def _append(file: h5netcdf.File, part: Reconstruction, start: int) -> None:
     stop = start + part.n_frames
     file.resize_dimension("time", stop)
-    file.variables["time"][start:stop] = part.time_s
-    file.variables["frame_number"][start:stop] = part.frame_numbers
+    write_rows(file, "time", start, part.time_s)
+    write_rows(file, "frame_number", start, part.frame_numbers)
     if "retimed" in file.variables:
-        file.variables["retimed"][start:stop] = part.retimed
+        write_rows(file, "retimed", start, part.retimed)
     for layer_name, layer in part.layers.items():
         for attribute, (name, *_) in _LAYER_VARIABLES.items():
-            file.variables[f"{layer_name}_{name}"][start:stop] = getattr(layer, attribute)[:]
+            write_rows(file, f"{layer_name}_{name}", start, getattr(layer, attribute)[:])
     if part.tracks is not None:
-        file.variables["track_detection"][start:stop] = part.tracks.detection[:]
-        file.variables["track_state"][start:stop] = part.tracks.state[:]
+        write_rows(file, "track_detection", start, part.tracks.detection[:])
+        write_rows(file, "track_state", start, part.tracks.state[:])
     if part.swaps is not None:
-        file.variables["chain_swapped"][start:stop] = part.swaps.state[:]
+        write_rows(file, "chain_swapped", start, part.swaps.state[:])
     if part.poses is not None:
-        file.variables["pose_turn"][start:stop] = part.poses.turns[:]
-        file.variables["pose_direction"][start:stop] = part.poses.directions[:]
-        file.variables["pose_angle_sd"][start:stop] = part.poses.angle_sd_deg[:]
-        file.variables["pose_root_turn"][start:stop] = part.poses.root_turn_rad2[:]
-        file.variables["pose_nis"][start:stop] = part.poses.nis[:]
-        file.variables["pose_nis_dof"][start:stop] = part.poses.nis_dof[:]
+        write_rows(file, "pose_turn", start, part.poses.turns[:])
+        write_rows(file, "pose_direction", start, part.poses.directions[:])
+        write_rows(file, "pose_angle_sd", start, part.poses.angle_sd_deg[:])
+        write_rows(file, "pose_root_turn", start, part.poses.root_turn_rad2[:])
+        write_rows(file, "pose_nis", start, part.poses.nis[:])
+        write_rows(file, "pose_nis_dof", start, part.poses.nis_dof[:])
     if part.joint_angles is not None:
         netcdf_angles.append(file, part.joint_angles, start)
 

@@ -7,7 +7,7 @@ from typing import Any
 import h5netcdf
 import numpy as np
 
-from posefuse.io.netcdf import add_variable, stored_array, strings, text_of
+from posefuse.io.netcdf import add_variable, stored_array, strings, text_of, write_rows
 from posefuse.io.results.rounding import rounded_angles
 from posefuse.model.joint_angles import AngleStatus, JointAngles
 
@@ -33,9 +33,8 @@ def create(file: h5netcdf.File, angles: JointAngles) -> None:
 
 def append(file: h5netcdf.File, angles: JointAngles, start: int) -> None:
     """Write a range of frames from index ``start`` on."""
-    stop = start + len(angles.status)
     for attribute, (name, *_) in _VARIABLES.items():
-        file.variables[name][start:stop] = getattr(angles, attribute)[:]
+        write_rows(file, name, start, getattr(angles, attribute)[:])
 
 
 def add(parts: Iterable[JointAngles], path: Path) -> None:

@@ -11,7 +11,7 @@ import h5netcdf
 import numpy as np
 
 from posefuse.io.files import reading
-from posefuse.io.netcdf import add_variable
+from posefuse.io.netcdf import add_variable, write_rows
 
 
 def add_contact(path: Path, contact: np.ndarray, sliding: np.ndarray, layer: str) -> None:
@@ -31,8 +31,8 @@ def add_contact(path: Path, contact: np.ndarray, sliding: np.ndarray, layer: str
         axes = ("time", "individual", "foot")
         add_variable(file, "foot_contact", (*axes, "foot_part"), dtype="f4", units="1", layer=layer)
         add_variable(file, "foot_sliding", axes, dtype="f4", units="1", layer=layer)
-        file.variables["foot_contact"][:] = contact.astype(np.float32)
-        file.variables["foot_sliding"][:] = sliding.astype(np.float32)
+        write_rows(file, "foot_contact", 0, contact.astype(np.float32))
+        write_rows(file, "foot_sliding", 0, sliding.astype(np.float32))
 
 
 def read_contact(path: Path) -> np.ndarray | None:

@@ -10,7 +10,7 @@ import xarray
 import posefuse
 from posefuse.arrays import same
 from posefuse.errors import FileError
-from posefuse.io.netcdf import CHUNK_FRAMES, StoredArray, skeleton_from_text, skeleton_text
+from posefuse.io.netcdf import CHUNK_FRAMES, StoredArray, add_variable, skeleton_from_text, skeleton_text
 from posefuse.io.results import netcdf
 from posefuse.io.results.rounding import rounded
 from posefuse.io.results.write import write_folder
@@ -56,6 +56,22 @@ class TestNetcdf:
     def test_same_input_gives_the_same_bytes(self, frame_result, tmp_path):
         for name in ("a.nc", "b.nc"):
             posefuse.write(frame_result, tmp_path / name)
+        assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
+
+    def test_bytes_do_not_depend_on_open_variables(self, frame_result, tmp_path, monkeypatch):
+        """Python may collect the objects that keep variables open at any time, or not before the file is closed."""
+        netcdf.write(frame_result.chunks(4), tmp_path / "a.nc")
+        kept = []
+
+        def kept_open(file, name, *arguments, **more):
+            variable = add_variable(file, name, *arguments, **more)
+            if name in ("measured_status", "measured_position"):
+                kept.append(variable._h5ds)
+            return variable
+
+        monkeypatch.setattr(netcdf, "add_variable", kept_open)
+        netcdf.write(frame_result.chunks(4), tmp_path / "b.nc")
+        assert len(kept) == 2
         assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
 
     def test_result_without_optional_fields_round_trips(self, frame_result, tmp_path):
