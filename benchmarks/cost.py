@@ -217,7 +217,9 @@ def clusters(workers: tuple[int, ...]) -> Iterator[tuple[int, str]]:
     from distributed import LocalCluster
 
     for n in workers:
-        with LocalCluster(n_workers=n, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster:
+        with LocalCluster(
+            n_workers=n, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50
+        ) as cluster:
             yield n, cluster.scheduler_address
 
 

@@ -228,7 +228,7 @@ def test_cluster_gives_the_same_results_if_a_worker_dies(run, tmp_path, monkeypa
     folders = recordings(tmp_path / "recs", 6, {1: "cut short"})
     assert run("batch", *folders, "-o", tmp_path / "here", "--jobs", "1", *FAST)[0] == 1
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+        n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50
     ) as cluster:
         from posefuse.batch import cluster as module
 
@@ -269,7 +269,7 @@ def test_divided_recording_gives_the_same_result_if_a_worker_dies(run, tmp_path,
     usual = module.on_cluster
     for name, dies in (("quiet", False), ("killed", True)):
         with distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+            n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50
         ) as cluster:
 
             def killing(work, jobs, scheduler, divided, *, cluster=cluster, dies=dies, **more):

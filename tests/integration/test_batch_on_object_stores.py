@@ -19,7 +19,7 @@ from tests.coded_videos import film_person
 from tests.integration.test_batch_command import FAST, recordings, rows_of
 from tests.object_stores import contents, local_contents, upload_folder
 
-LOCAL_CLUSTER = {"threads_per_worker": 1, "dashboard_address": None, "silence_logs": 50}
+LOCAL_CLUSTER = {"threads_per_worker": 1, "dashboard_address": "127.0.0.1:0", "silence_logs": 50}
 
 
 @pytest.fixture

@@ -14,7 +14,9 @@ _CONNECT_S = 20
 _LOCAL_OPTIONS: dict[str, Any] = {
     "threads_per_worker": 1,
     "memory_limit": 0,
-    "dashboard_address": None,
+    # Without an address, Dask serves its status on port 8787 of all networks, for one cluster per machine.
+    "dashboard_address": "127.0.0.1:0",
+    "scheduler_kwargs": {"dashboard": False},
     "silence_logs": 50,
 }
 """Workers are processes without a limit of memory, as those of a batch without Dask."""

@@ -11,7 +11,7 @@ from posefuse.batch.schedulers import Scheduler, WorkerCount
 from posefuse.errors import PosefuseWarning, StreamError
 from tests.unit.batch.job_functions import do, jobs
 
-OPTIONS = {"threads_per_worker": 1, "dashboard_address": None, "silence_logs": 50}
+OPTIONS = {"threads_per_worker": 1, "dashboard_address": "127.0.0.1:0", "silence_logs": 50}
 
 
 @pytest.fixture

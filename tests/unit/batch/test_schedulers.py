@@ -31,7 +31,9 @@ def test_class_of_clusters_is_started_and_scaled():
     made = []
 
     def start() -> object:
-        made.append(distributed.LocalCluster(n_workers=0, dashboard_address=None, processes=False, silence_logs=50))
+        made.append(
+            distributed.LocalCluster(n_workers=0, dashboard_address="127.0.0.1:0", processes=False, silence_logs=50)
+        )
         return made[0]
 
     module.OwnCluster = start
