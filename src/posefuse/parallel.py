@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, Literal, Self, TypeVar
 
 from posefuse.errors import OptionsError, PosefuseError, PosefuseWarning, handle_warnings
-from posefuse.parcels import Parcels
+from posefuse.transfer import Transfer
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -87,15 +87,15 @@ class Jobs:
     def __init__(self, number: int = 1) -> None:
         self.number = number
         self._pool: ProcessPoolExecutor | None = None
-        self._parcels: Parcels | None = None
+        self._transfer: Transfer | None = None
         self._started, self._lock = False, threading.Lock()
 
     def __enter__(self) -> Self:
         """Begin to start the processes; they import posefuse while the caller continues."""
         if self.number > 1:
             context = multiprocessing.get_context(_start_method())
-            self._parcels = Parcels()
-            self._pool = ProcessPoolExecutor(self.number, context, _begin, (self._parcels.folder,))
+            self._transfer = Transfer()
+            self._pool = ProcessPoolExecutor(self.number, context, _begin, (self._transfer.folder,))
             with one_thread_each():
                 if context.get_start_method() == "forkserver":
                     # Processes are forked at first use, from a server that imports posefuse until then.
@@ -112,7 +112,7 @@ class Jobs:
             if not self._started:
                 with _without_main():
                     for _ in range(self.number):
-                        self._pool.submit(_wait_for_nothing)
+                        self._pool.submit(_do_nothing)
                 self._started = True
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
@@ -124,9 +124,9 @@ class Jobs:
                     process.terminate()
             self._pool.shutdown(wait=True, cancel_futures=True)
             self._pool, self._started = None, False
-        if self._parcels is not None:
-            self._parcels.remove()
-            self._parcels = None
+        if self._transfer is not None:
+            self._transfer.remove()
+            self._transfer = None
 
     def in_order(
         self, work: Callable[[Item], Result], items: Iterable[Item], lead: int | None = None
@@ -229,10 +229,10 @@ class Jobs:
     def _submit(self, work: Callable[[Item], Result], item: Item) -> "Future[Any]":
         """Begin work on an item; :func:`_result_of` returns its result."""
         assert self._pool is not None
-        assert self._parcels is not None
+        assert self._transfer is not None
         with _explain_death():
             self._start()
-            return self._pool.submit(_run, self._parcels.sent((work, item)), self._parcels)
+            return self._pool.submit(_run, self._transfer.pack((work, item)), self._transfer)
 
 
 ONE_JOB = Jobs()
@@ -262,17 +262,17 @@ def _end_with(sentinel: int, folder: Path) -> None:
     os._exit(1)
 
 
-def _wait_for_nothing() -> None:
-    """Start a worker."""
+def _do_nothing() -> None:
+    """Return at once: the pool starts a process for each piece of work that waits."""
 
 
-def _run(sent: Any, parcels: Parcels) -> Any:
-    """Do what was sent; return a result and the warnings given on the way, to be received."""
-    work, item = sent.received()
+def _run(message: Any, transfer: Transfer) -> Any:
+    """Run packed work; return its packed result and warnings."""
+    work, item = message.unpack()
     given: list[str] = []
     with handle_warnings(given.append):
         result = work(item)
-    return parcels.sent((result, given))
+    return transfer.pack((result, given))
 
 
 def _next_of(running: "deque[tuple[Kept, Future[Any]]]") -> tuple[Kept, Any]:
@@ -283,7 +283,7 @@ def _next_of(running: "deque[tuple[Kept, Future[Any]]]") -> tuple[Kept, Any]:
 def _result_of(future: "Future[Any]") -> Any:
     """Return the result of a worker, and repeat its warnings here."""
     with _explain_death():
-        result, given = future.result().received()
+        result, given = future.result().unpack()
     for text in given:
         warnings.warn(text, PosefuseWarning, stacklevel=4)
     return result

@@ -1,7 +1,6 @@
 """Pickle values without copying their large arrays."""
 
 import pickle
-from collections.abc import Sequence
 from typing import Any
 
 SEPARATE_BYTES = 1 << 16
@@ -23,8 +22,3 @@ def pickled(value: Any) -> tuple[bytes, list[pickle.PickleBuffer]]:
         return False
 
     return pickle.dumps(value, protocol=5, buffer_callback=stays), arrays
-
-
-def total_bytes(arrays: Sequence[pickle.PickleBuffer]) -> int:
-    """Return the size of arrays."""
-    return sum(array.raw().nbytes for array in arrays)

@@ -166,7 +166,7 @@ def test_workers_and_their_files_end_with_a_parent_that_is_killed():
     script = (
         "import os\nfrom posefuse.parallel import Jobs\nfrom tests.unit.test_parallel import process_of\n"
         "jobs = Jobs(2).__enter__()\nprint(*set(jobs.in_order(process_of, range(4))), flush=True)\n"
-        "jobs._parcels.sent(bytearray(10**7))\nprint(jobs._parcels.folder, flush=True)\nos.kill(os.getpid(), 9)\n"
+        "jobs._transfer.pack(bytearray(10**7))\nprint(jobs._transfer.folder, flush=True)\nos.kill(os.getpid(), 9)\n"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=120)
     first, folder = done.stdout.splitlines()
@@ -182,7 +182,7 @@ def test_large_arrays_arrive_whole(jobs):
     numbers = [np.full((300, 1000), float(i)) for i in range(5)]
     for i, got in enumerate(jobs.in_order(doubled, numbers)):
         np.testing.assert_array_equal(got, 2.0 * numbers[i])
-    assert jobs._parcels is None or list(jobs._parcels.folder.iterdir()) == []
+    assert jobs._transfer is None or list(jobs._transfer.folder.iterdir()) == []
 
 
 def test_the_number_of_processes_is_checked():

@@ -152,17 +152,17 @@ def require_determined(uncertainty: Uncertainty, rig: CameraRig, distance_m: flo
         descriptions, fewer = [], ""
         for v in uncertain:
             rotation_deg, shift_m, focal = pose_sds(uncertainty.block(v))
+            lens = ""
             if focal > 0:
-                fewer = "refine fewer parameters (`refine='extrinsics'`), "
-            lens = f", focal length {100 * focal:.2g} %" if focal > 0 else ""
+                lens, fewer = f", focal length {100 * focal:.2g} %", "refine fewer parameters (`refine='extrinsics'`), "
             descriptions.append(
                 f"{rig.names[v]!r}: rotation {rotation_deg:.2g} degrees, position {100 * shift_m:.2g} cm{lens}"
             )
         raise CalibrationError(
             f"These points do not determine the cameras accurately enough. Standard deviations would be, for "
             f"{'; '.join(descriptions)}. Fix such cameras (`fix`), exclude them (`exclude_camera`), {fewer}"
-            "use a board (`rigid=True`), or use more of the recording; a subject "
-            "that moves through the whole volume is most informative."
+            "use a board (`rigid=True`), or use more of the recording; a subject that moves through the whole volume "
+            "is most informative."
         )
 
 

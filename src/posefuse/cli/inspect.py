@@ -69,6 +69,8 @@ def inspect(
 ) -> None:
     """Show the calibrations and keypoints in a folder, how they were recognized, and whether they match.
 
+    The exit code is 1 if no calibration or no keypoints of those found can be read.
+
     With --deep, also check the recording for faults: moved cameras, time offsets, rotated images, and more. The exit
     code is then 3 if a fault is certain that makes results wrong; --accept-findings makes it 0.
     """
@@ -110,7 +112,10 @@ def _refuse_unreadable(*kinds: tuple[Sequence[RecognizedInput], Sequence[object]
     """Raise RecordingError if there are inputs of a kind, but none of them could be read; the reasons are printed."""
     unreadable = [kind.name if len(items) == 1 else kind.title for items, read, kind in kinds if items and not read]
     if unreadable:
-        raise RecordingError(f"The {' and the '.join(unreadable)} cannot be read, for the reasons above.")
+        raise RecordingError(
+            f"The {' and the '.join(unreadable)} cannot be read, for the reasons above. posefuse formats lists the "
+            "known formats."
+        )
 
 
 def _given(path: Path, *, calibration: bool) -> RecognizedInput:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from posefuse.pickled import pickled, total_bytes
+from posefuse.pickled import pickled
 
 _LEAST_BYTES = 1 << 20
 """Size from which arrays are sent in a file."""
@@ -24,14 +24,14 @@ _ALIGNED_BYTES = 64
 
 
 @dataclass(frozen=True)
-class _Parcel:
+class _ArraysInFile:
     """A pickle, and the arrays that it lacks: in a file, at these positions."""
 
     head: bytes
     file: Path
     spans: tuple[tuple[int, int], ...]
 
-    def received(self) -> Any:
+    def unpack(self) -> Any:
         """Return the value, and remove the file."""
         with self.file.open("rb") as file:
             content = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY))
@@ -41,37 +41,37 @@ class _Parcel:
 
 
 @dataclass(frozen=True)
-class _Letter:
+class _ArraysInMessage:
     """A pickle, and the arrays that it lacks."""
 
     head: bytes
     arrays: tuple[bytearray, ...]
 
-    def received(self) -> Any:
+    def unpack(self) -> Any:
         """Return the value."""
         return pickle.loads(self.head, buffers=self.arrays)
 
 
-class Parcels:
-    """A temporary folder for values on their way, created with the first file."""
+class Transfer:
+    """A temporary folder of arrays that were sent and not received, created with the first file."""
 
     def __init__(self) -> None:
         self.folder = Path(tempfile.gettempdir(), f"posefuse-{secrets.token_hex(8)}")
 
-    def sent(self, value: Any) -> _Parcel | _Letter:
-        """Return what to send instead of a value; its ``received()`` returns the value.
+    def pack(self, value: Any) -> _ArraysInFile | _ArraysInMessage:
+        """Return a message whose ``unpack()`` returns the value in another process.
 
-        Arrays that the receiver maps can be changed; the changes stay in its process. Arrays of a small value go with
-        the pickle, also if the folder is full.
+        Large arrays are in a file if it can be written, others in the message. The receiver may change them; changes
+        stay in its process.
         """
         head, arrays = pickled(value)
-        if total_bytes(arrays) >= _LEAST_BYTES:
+        if sum(array.raw().nbytes for array in arrays) >= _LEAST_BYTES:
             with contextlib.suppress(OSError):
-                return _Parcel(head, *self._file_of(arrays))
-        return _Letter(head, tuple(bytearray(array.raw()) for array in arrays))
+                return _ArraysInFile(head, *self._file_of(arrays))
+        return _ArraysInMessage(head, tuple(bytearray(array.raw()) for array in arrays))
 
     def remove(self) -> None:
-        """Remove the folder, with what was not received."""
+        """Remove the folder."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def _file_of(self, arrays: Sequence[pickle.PickleBuffer]) -> tuple[Path, tuple[tuple[int, int], ...]]:
