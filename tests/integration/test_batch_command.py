@@ -262,7 +262,8 @@ def test_divided_recording_gives_the_same_result_if_a_worker_dies(run, tmp_path,
     scene = simulate_crowd(CrowdOptions("crowd", people=2, cameras=4, duration_s=12.0, seed=3))
     anipose.write(scene.rig, long / "calibration.toml")
     native.write(scene.detections, long / "keypoints.nc")
-    expected = ("--people", "auto", "--tracker.terminate-after-s", "0.5", "--noise-scale-px", "14", *FAST)
+    chunks = ("--chunk-frames", "100")
+    expected = ("--people", "auto", "--tracker.terminate-after-s", "0.5", "--noise-scale-px", "14", *chunks, *FAST)
     assert run("batch", *folders, long, "-o", tmp_path / "here", "--jobs", "1", *expected)[0] == 0
     from posefuse.batch import cluster as module
 
@@ -275,7 +276,7 @@ def test_divided_recording_gives_the_same_result_if_a_worker_dies(run, tmp_path,
             def killing(work, jobs, scheduler, divided, *, cluster=cluster, dies=dies, **more):
                 def kills(job, do):
                     def rounds(piece_work, pieces):
-                        if dies and piece_work.__name__ == "track_piece":
+                        if dies and piece_work.__name__ == "smooth_piece":
                             pid = next(iter(cluster.workers.values())).pid
                             threading.Timer(1.0, os.kill, (pid, signal.SIGKILL)).start()
                         do(piece_work, pieces)

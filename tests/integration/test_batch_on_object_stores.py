@@ -161,6 +161,8 @@ def test_cluster_without_a_shared_folder_gives_the_same_results_if_a_worker_dies
         "14",
         "--window-s",
         "4",
+        "--chunk-frames",
+        "100",
         *FAST,
     )
     from posefuse.batch import cluster as module
@@ -174,7 +176,7 @@ def test_cluster_without_a_shared_folder_gives_the_same_results_if_a_worker_dies
         def killing(task, jobs, scheduler, divided, **more):
             def kills(job, do):
                 def rounds(piece_work, pieces):
-                    if "track_piece" in repr(piece_work):
+                    if "smooth_piece" in repr(piece_work):
                         pid = next(iter(cluster.workers.values())).pid
                         threading.Timer(1.0, os.kill, (pid, signal.SIGKILL)).start()
                     do(piece_work, pieces)
@@ -204,7 +206,8 @@ def test_long_videos_are_divided_after_the_detection(run, tmp_path, bucket):
     upload_folder(tmp_path / "recs", f"{bucket}/recs")
     flags = (
         "--from-videos", "--detector", detector, "--people", "many", "--synchronize", "off", "--window-s", "2.5",
-        "--tracker.terminate-after-s", "0.5", "--scheduler", "local", "--workers", "0..2", *FAST,
+        "--tracker.terminate-after-s", "0.5", "--chunk-frames", "25", "--scheduler", "local", "--workers", "0..2",
+        *FAST,
     )  # fmt: skip
     code, _, wrong = run("batch", tmp_path / "recs" / "take", "-o", tmp_path / "here", *flags)
     assert code == 0, wrong

@@ -1,16 +1,16 @@
 """Reconstruct a long recording in pieces that other processes or machines run.
 
-For many people, the caller first tracks through the whole recording once and stores the tracker before each window.
-Three rounds of independent pieces follow: people are tracked and smoothed in windows from these trackers, ranges of
-frames are measured, and blocks of frames are solved over time. Between the rounds the caller stitches the people of all
-windows and determines everything that depends on the whole recording. Measured points equal those of an undivided run.
+The caller determines everything that depends on the whole recording; it tracks many people through all frames and
+stores the tracker before each window. Three rounds of independent pieces follow: ranges of frames are measured, bodies
+are smoothed in windows, and blocks of frames are solved over time. Tracks, measured and solved points equal those of an
+undivided run.
 
 A piece is a file in a folder that all workers share, with its result beside it as a part of a
 :class:`posefuse.io.checkpoints.CheckpointFolder`. An interrupted run resumes from the finished pieces.
 """
 
 import pickle
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -21,27 +21,26 @@ from posefuse.arrays import ranges
 from posefuse.association.one_subject import SingleSubject
 from posefuse.checkpoint import Checkpoint
 from posefuse.io.checkpoints import CheckpointFolder
-from posefuse.kinematics.angle_sds import with_root_angle_sds
 from posefuse.model.cameras import CameraRig
-from posefuse.model.detections import CHUNK_FRAMES, Detections
+from posefuse.model.detections import Detections
+from posefuse.model.layer_statuses import with_true_statuses
 from posefuse.model.options.options import Options
-from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.result_ranges import FrameRange
 from posefuse.model.subjects import Subjects
+from posefuse.model.track_events import Poses
 from posefuse.pipeline.defaults import BLOCK_FRAMES
 from posefuse.pipeline.measured_layer import Piece, measure_range, piece_of
 from posefuse.pipeline.people.find_subjects import find_subjects
 from posefuse.pipeline.people.keypoint_deviations import with_deviations
-from posefuse.pipeline.people.stitching import StitchedPeople, stitch
-from posefuse.pipeline.people.track_recording import save_trackers
 from posefuse.pipeline.people.tracked_people import TrackedPeople
 from posefuse.pipeline.people.windows import (
-    TrackedWindow,
-    TrackingWindow,
+    DividedPeople,
+    Window,
     WindowBodies,
-    shared_settings,
-    track_window,
-    tracking_windows,
+    WindowPiece,
+    smooth_window,
+    windows_of,
 )
 from posefuse.pipeline.plan import Plan, empty_result
 from posefuse.pipeline.reconstruct import prepare
@@ -63,7 +62,7 @@ class Workers:
 
     Attributes:
         run: runs pieces.
-        window_s: approximate length of a tracking window, in seconds.
+        window_s: approximate length of a window whose bodies are smoothed, in seconds.
     """
 
     run: RunPieces
@@ -106,7 +105,7 @@ def is_long(detections: Detections, options: Options, window_s: float) -> bool:
 def prepare_distributed(
     rig: CameraRig, detections: Detections, options: Options, runner: PieceRunner, progress: Progress
 ) -> Plan:
-    """Prepare a plan as :func:`posefuse.pipeline.reconstruct.prepare` does, with people tracked window by window.
+    """Prepare a plan as :func:`posefuse.pipeline.reconstruct.prepare` does, for people whose bodies are divided.
 
     Raises:
         MatchError: if views and cameras do not match.
@@ -116,19 +115,24 @@ def prepare_distributed(
     def find(
         rig: CameraRig, detections: Detections, options: Options, progress: Progress, checkpoint: Checkpoint
     ) -> tuple[Subjects, TrackedPeople | None]:
-        if options.people != "many":
+        if options.people != "many" or options.bodies == "none":
             return find_subjects(rig, detections, options, progress)
-        assert isinstance(checkpoint, CheckpointFolder)
-        return _track_windows(rig, detections, options, replace(runner, folder=checkpoint), progress), None
+        rate_hz = 1.0 / clock_of(detections).period_s
+        windows = tuple(windows_of(detections.n_frames, rate_hz, runner.workers.window_s, options))
+        starts = [window.first for window in windows]
+        people, _ = find_subjects(rig, detections, options, progress, checkpoint, stored=starts)
+        assert isinstance(people, TrackedPeople)
+        if people.n_frames < detections.n_frames:  # interrupted: a divided recording has no partial result
+            raise KeyboardInterrupt
+        divided = DividedPeople.of(people, detections, options, windows, checkpoint)
+        return divided, divided
 
     plan = prepare(rig, detections, options, progress, runner.folder, find)
-    if not isinstance(plan.subjects, StitchedPeople):
+    if not isinstance(plan.bodies, DividedPeople):
         return plan
-    number, overlap_s = len(plan.subjects.starts) - 1, options.tracker.terminate_after_s
     note = (
-        f"People were tracked in {number} windows of about {runner.workers.window_s:g} s. Each window starts from the "
-        f"state of a tracker that processed all earlier frames, and continues more than {overlap_s:g} s beyond its "
-        "end. Tracks of neighboring windows were joined by their shared detections."
+        f"Bodies were smoothed in {len(plan.bodies.windows)} windows of about {runner.workers.window_s:g} s, with "
+        "priors of the whole recording."
     )
     return replace(plan, provenance=plan.provenance.with_notes((note,)))
 
@@ -138,14 +142,13 @@ def reconstruct_distributed(plan: Plan, runner: PieceRunner, progress: Progress)
 
     The body of a single subject is smoothed by the caller, since its smoother runs through the recording once.
     """
-    n_frames, head = plan.detections.n_frames, _empty_result(plan)
-    spans = list(ranges(n_frames, CHUNK_FRAMES))
+    n_frames, head = plan.detections.n_frames, empty_result(plan)
+    spans = list(ranges(n_frames, plan.options.chunk_frames))
     done = runner.run(measure_piece, "measured", (partial(piece_of, plan, *span) for span in spans))
-    parts = (
-        _with_people_bodies(plan, runner.folder.load(name).to_reconstruction(head), span[0])
-        for name, span in zip(done, spans, strict=True)
-    )
-    if plan.bodies is not None:
+    parts = (runner.folder.load(name).to_reconstruction(head) for name in done)
+    if isinstance(plan.bodies, DividedPeople):
+        parts = _with_people_bodies(plan, plan.bodies, parts, runner)
+    elif plan.bodies is not None:
         parts = _with_subject_body(plan, parts)
     if plan.solver is not None:
         solver, size = plan.solver, max(BLOCK_FRAMES, plan.solver.margin)
@@ -157,17 +160,18 @@ def reconstruct_distributed(plan: Plan, runner: PieceRunner, progress: Progress)
     yield from report_ranges(parts, n_frames, "assembling", progress)
 
 
-def track_piece(path: Path) -> None:
-    """Track people through a window."""
-    folder, piece = _read(path)
-    folder.save(path.stem, track_window(*piece))
-
-
 def measure_piece(path: Path) -> None:
     """Measure a range of frames."""
     folder, piece = _read(path)
     assert isinstance(piece, Piece)
     folder.save(path.stem, measure_range(piece))
+
+
+def smooth_piece(path: Path) -> None:
+    """Smooth the bodies of a window."""
+    folder, piece = _read(path)
+    assert isinstance(piece, WindowPiece)
+    folder.save(path.stem, smooth_window(piece))
 
 
 def solve_piece(path: Path) -> None:
@@ -183,60 +187,46 @@ def _read(path: Path) -> tuple[CheckpointFolder, Any]:
     return CheckpointFolder(path.parent, key), piece
 
 
-def _track_windows(
-    rig: CameraRig, detections: Detections, options: Options, runner: PieceRunner, progress: Progress
-) -> StitchedPeople:
-    """Track people in all windows and stitch them."""
-    skeleton, fixed = shared_settings(rig, detections, options)
-    rate_hz = 1.0 / clock_of(detections).period_s
-    windows = tracking_windows(detections.n_frames, rate_hz, runner.workers.window_s, options.tracker.terminate_after_s)
-    starts = [window.first for window in windows]
-    trackers = save_trackers(rig, replace(detections, skeleton=skeleton), fixed, starts, progress, runner.folder)
-
-    def piece(window: TrackingWindow, tracker: str) -> tuple[Any, ...]:
-        frames = replace(detections.frames(window.first, window.last), skeleton=skeleton)
-        return rig, frames, fixed, window, runner.folder.load(tracker)
-
-    pieces = (partial(piece, *each) for each in zip(windows, trackers, strict=True))
-    done = runner.run(track_piece, "tracked", pieces)
-    tracked: list[TrackedWindow] = [runner.folder.load(name)[0] for name in done]
-    people = stitch(tracked, detections.frame_numbers, _LoadedBodies(runner.folder, done))
-    return people.only(options.person) if options.person else people
+def _with_people_bodies(
+    plan: Plan, people: DividedPeople, parts: Iterator[Reconstruction], runner: PieceRunner
+) -> Iterator[Reconstruction]:
+    """Return measured ranges, each within one window, with the bodies of tracked people."""
+    priors, windows = people.shared_priors(), people.windows
+    pieces = (partial(people.window_piece, window, priors, plan.rig, plan.detections) for window in windows)
+    names = runner.run(smooth_piece, "bodies", pieces)
+    bodies, start = _StoredBodies(runner.folder, dict(zip(windows, names, strict=True))), 0
+    for part in parts:
+        stop = start + part.n_frames
+        layer, poses = bodies.frames(start, stop)
+        part = replace(part, layers={**part.layers, "model": with_true_statuses(layer)}, poses=poses)
+        yield with_deviations(part, plan.detections.frames(start, stop), plan.deviation_sd_m)
+        start = stop
 
 
-class _LoadedBodies:
-    """Loads the bodies of windows in order; the last window stays in memory."""
+class _StoredBodies:
+    """Loads the bodies of windows in order; the last window stays in memory.
 
-    def __init__(self, folder: CheckpointFolder, names: Sequence[str]) -> None:
+    Args:
+        folder: stores the results of :func:`smooth_piece`.
+        names: their names.
+    """
+
+    def __init__(self, folder: CheckpointFolder, names: Mapping[Window, str]) -> None:
         self._folder, self._names = folder, names
-        self._last: tuple[int, WindowBodies] | None = None
+        self._last: tuple[Window, WindowBodies] | None = None
 
-    def __call__(self, window: int) -> WindowBodies:
-        if self._last is None or self._last[0] != window:
-            self._last = window, self._folder.load(self._names[window])[1]
-        return self._last[1]
-
-
-def _empty_result(plan: Plan) -> Reconstruction:
-    """Return the result without frames: what all its ranges share."""
-    head, subjects = empty_result(plan), plan.subjects
-    if not isinstance(subjects, StitchedPeople):
-        return head
-    head = replace(head, events=subjects.events)
-    return head if plan.options.bodies == "none" else replace(head, skeleton=subjects.skeleton)
-
-
-def _with_people_bodies(plan: Plan, part: Reconstruction, start: int) -> Reconstruction:
-    """Return a measured range with the bodies of tracked people."""
-    subjects = plan.subjects
-    if isinstance(subjects, StitchedPeople) and plan.options.bodies != "none":
-        part = subjects.with_bodies(part, start)
-        assert part.poses is not None
-        # The people were tracked before the up direction was inferred.
-        part = replace(part, poses=with_root_angle_sds(part.poses, part.rig.up))
-        frames = plan.detections.frames(start, start + part.n_frames)
-        part = with_deviations(part, frames, plan.deviation_sd_m)
-    return part
+    def frames(self, start: int, stop: int) -> WindowBodies:
+        """Return the model layer and the poses of a range of frames."""
+        layers, poses = [], []
+        for window in self._names:
+            first, last = max(window.start, start) - window.start, min(window.stop, stop) - window.start
+            if first < last:
+                if self._last is None or self._last[0] != window:
+                    self._last = window, self._folder.load(self._names[window])
+                layer, some = self._last[1]
+                layers.append(layer.frames(first, last))
+                poses.append(some.frames(first, last))
+        return Layer.concatenate(layers), Poses.concatenate(poses)
 
 
 def _with_subject_body(plan: Plan, parts: Iterator[Reconstruction]) -> Iterator[Reconstruction]:
@@ -248,6 +238,6 @@ def _with_subject_body(plan: Plan, parts: Iterator[Reconstruction]) -> Iterator[
         stop = start + part.n_frames
         frames = plan.detections.frames(start, stop)
         layer, poses = plan.bodies.bodies(plan.rig, frames, start, smoother.take(stop))
-        part = replace(part, poses=poses, layers={**part.layers, "model": layer})
+        part = replace(part, poses=poses, layers={**part.layers, "model": with_true_statuses(layer)})
         yield with_deviations(part, frames, plan.deviation_sd_m)
         start = stop

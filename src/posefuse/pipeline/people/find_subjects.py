@@ -1,7 +1,7 @@
 """Assign the detections of a recording to people."""
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -42,6 +42,7 @@ def find_subjects(
     progress: Progress,
     checkpoint: Checkpoint = NO_CHECKPOINT,
     jobs: Jobs = ONE_JOB,
+    stored: Sequence[int] = (),
 ) -> tuple[Subjects, TrackedPeople | None]:
     """Return the assignment of detections to people, and their fitted bodies, if any.
 
@@ -52,6 +53,7 @@ def find_subjects(
         progress: receives the progress.
         checkpoint: stores the state of tracking.
         jobs: with several, a thread reads ahead.
+        stored: indices of frames before which the tracker of many people is stored; see :func:`track_people`.
 
     Raises:
         DetectionsError: if one subject is requested and a view shows several people without a choice among them, or
@@ -62,7 +64,7 @@ def find_subjects(
     if options.people == "many" or options.bodies == "fit":
         warn_of_unused_options(options, detections.skeleton)
     if options.people == "many":
-        people = track_people(rig, detections, options, progress, checkpoint, jobs=jobs)
+        people = track_people(rig, detections, options, progress, checkpoint, jobs=jobs, stored=stored)
         people = people.only(options.person) if options.person else people
         return people, None if options.bodies == "none" else people
     if options.people == STILLS:

@@ -12,7 +12,6 @@ from posefuse.model.options.options import Options
 from posefuse.model.options.tracking_stages import InitiationOptions
 from posefuse.model.subjects import FixedSubjects, Subjects
 from posefuse.model.tracks import Tracks
-from posefuse.pipeline.people.stitching import StitchedPeople
 from posefuse.pipeline.people.track_recording import track_subject
 from posefuse.pipeline.people.tracked_people import TrackedPeople
 from posefuse.pipeline.people.trackers import tracker_of
@@ -48,7 +47,7 @@ class Bodies:
     @classmethod
     def of(cls, people: Subjects | None, options: Options) -> "Bodies | None":
         """Return the bodies of tracked people; None if no bodies were fitted."""
-        if options.bodies == "none" or not isinstance(people, TrackedPeople | StitchedPeople):
+        if options.bodies == "none" or not isinstance(people, TrackedPeople):
             return None
         return cls(people.skeleton, options, people.shape_m, people.shape_sd_m)
 

@@ -1,5 +1,6 @@
 """Track people through a recording."""
 
+import itertools
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
@@ -31,7 +32,6 @@ _NEVER_S = 1e9
 _CERTAIN_LOG_ODDS = 1e9
 _UNLIMITED_GATE = 1e9
 _NAME = "tracking"
-_TRACKER = "tracker_{:08d}"
 _RECORDER = f"{_NAME}.recorder"
 _INTERRUPTED = (
     "Interrupted: people were tracked through {} of {} frames, and the result covers these. Press Ctrl-C again to stop "
@@ -96,6 +96,7 @@ def track_people(
     checkpoint: Checkpoint = NO_CHECKPOINT,
     tracker: ArticulatedTracker | None = None,
     jobs: Jobs = ONE_JOB,
+    stored: Sequence[int] = (),
 ) -> TrackedPeople:
     """Track all people through a recording.
 
@@ -107,6 +108,8 @@ def track_people(
         checkpoint: stores the state every ``chunk_frames``. If it does, an interruption ends the recording there.
         tracker: tracker that has processed all frames before the first; a new one if it is None.
         jobs: with several, a thread reads ahead and another one stores.
+        stored: indices of frames, ascending; the checkpoint stores the tracker as it is before each of them, under the
+            name that :func:`tracker_name` returns.
 
     Raises:
         DetectionsError: if frames have no times.
@@ -114,8 +117,10 @@ def track_people(
     """
     times_s = _times(detections)
     stage = _Stage.load(checkpoint)
-    if stage is None:
+    if stage is None or any(checkpoint.load(tracker_name(place)) is None for place in stored if place <= stage.done):
         stage = _Stage.first(tracker or first_tracker(rig, detections, options), checkpoint)
+        if 0 in stored:
+            checkpoint.save(tracker_name(0), stage.tracker)
     progress.start("tracking people", detections.n_frames)
     progress.advance(stage.done)
     spans = [span for span in ranges(detections.n_frames, options.chunk_frames) if span[0] >= stage.done]
@@ -125,7 +130,11 @@ def track_people(
         try:
             chunks = jobs.ahead(detections.frames(*span) for span in spans)
             for chunk, (start, stop) in zip(chunks, spans, strict=True):
-                stage.advance(chunk, times_s[start:stop])
+                bounds = [start, *(place for place in stored if start < place <= stop), stop]
+                for first, last in itertools.pairwise(bounds):
+                    stage.advance(chunk.frames(first - start, last - start), times_s[first:last])
+                    if last in stored:
+                        checkpoint.save(tracker_name(last), stage.tracker)
                 stage = store.save(stage)
                 progress.advance(stop - start)
             store.wait()
@@ -153,49 +162,9 @@ def first_tracker(rig: CameraRig, detections: Detections, options: Options) -> A
     return tracker_of(rig, with_tree(rig, frames, skeleton, noise, options), noise, options)
 
 
-def save_trackers(
-    rig: CameraRig,
-    detections: Detections,
-    options: Options,
-    places: Sequence[int],
-    progress: Progress,
-    checkpoint: Checkpoint,
-) -> list[str]:
-    """Track through a recording once, and save the tracker as it is before certain frames.
-
-    Trackers saved by an earlier run are not computed again.
-
-    Args:
-        rig: calibrated cameras.
-        detections: detections of the recording.
-        options: options of the reconstruction.
-        places: indices of the frames, ascending.
-        progress: receives the progress.
-        checkpoint: stores the trackers.
-
-    Returns:
-        The names of the stored trackers.
-
-    Raises:
-        DetectionsError: if frames have no times.
-        SkeletonError: if the skeleton has no kinematic tree, and none can be measured.
-    """
-    names = [_TRACKER.format(place) for place in places]
-    stored = [checkpoint.load(name) for name in names]
-    tracker, done = first_tracker(rig, detections, options), 0
-    times_s = _times(detections)
-    progress.start("tracking people", places[-1])
-    for name, place, saved in zip(names, places, stored, strict=True):
-        if saved is None:
-            for start, stop in ranges(place - done, CHUNK_FRAMES):
-                first, last = done + start, done + stop
-                for _ in _track(tracker, detections.frames(first, last), times_s[first:last]):
-                    pass
-            saved = checkpoint.save(name, tracker)
-        progress.advance(place - done)
-        tracker, done = saved, place
-    progress.finish()
-    return names
+def tracker_name(place: int) -> str:
+    """Return the name under which a checkpoint stores the tracker as it is before the frame with this index."""
+    return f"tracker_{place:08d}"
 
 
 @dataclass(eq=False)

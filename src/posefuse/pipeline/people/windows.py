@@ -1,42 +1,41 @@
-"""Track people in one window of a long recording, independently of the other windows.
+"""Smooth the bodies of one window of a long recording, independently of the other windows.
 
-Tracking starts from the tracker that has processed all earlier frames: what it estimated in a person's first seconds
-(the lengths of the body, its heading, its lean) persists as long as the track. A window is tracked from some seconds
-before its first frame until some seconds after its last, long enough that every track remembered there had a detection
-within the window. Neighboring windows therefore share these people, and :mod:`posefuse.pipeline.people.stitching`
-matches them. The noise and the kinematic tree, which all windows must share, are determined beforehand.
+People are tracked through the whole recording once, and the tracker is stored as it is some seconds before each window.
+From there, another process tracks the window again, with the same result, to get the states of the bodies without a
+transfer of the whole history. It smooths them with the priors of the whole recording, chunk by chunk as an undivided
+run does, so that the bodies are the same.
 """
 
 import itertools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from posefuse.arrays import ranges
+from posefuse.checkpoint import Checkpoint
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
-from posefuse.model.options.noise import NoiseOptions
 from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Layer
-from posefuse.model.track_events import Event, Poses
+from posefuse.model.track_events import Poses
 from posefuse.model.tracks import Tracks
-from posefuse.noise.fixed import fixed_noise
-from posefuse.pipeline.people.initial_noise import initial_noise, sample_frames
-from posefuse.pipeline.people.track_recording import track_people
-from posefuse.pipeline.people.trackers import with_tree
+from posefuse.pipeline.people.track_recording import track_people, tracker_name
+from posefuse.pipeline.people.tracked_people import TrackedPeople, TrackNames
 from posefuse.progress import Silent
-from posefuse.skeleton.skeletons import Skeleton
+from posefuse.tracking.path_priors import PathPriors, estimate_priors
 from posefuse.tracking.tracker import ArticulatedTracker
 
 _BEFORE_S = 30.0
-"""Earlier frames change smoothed bodies by less than 0.1 mm; with ten seconds the change is up to 0.5 mm."""
-_AFTER_S = 10.0
-"""Time until tracks are confirmed and their bodies estimated."""
+"""Earlier frames matter only where a track was initialized again, and change these bodies by less than 0.1 mm."""
+
+_CONFIRMED_AFTER_S = 10.0
+"""Time after which a track that begins in a window is confirmed, and its earlier frames are known."""
 
 
 @dataclass(frozen=True)
-class TrackingWindow:
-    """A range of frames of a recording, and the wider range that is tracked.
+class Window:
+    """A range of frames of a recording, and the wider range that is tracked again.
 
     Attributes:
         first: index of the first frame of the wider range.
@@ -51,89 +50,150 @@ class TrackingWindow:
     last: int
 
 
-@dataclass(frozen=True, eq=False)
-class TrackedWindow:
-    """People tracked in a window.
-
-    Attributes:
-        window: the window.
-        tracks: tracks in the wider range; their names are valid in this window only.
-        events: track events in the wider range.
-        skeleton: skeleton with the kinematic tree that bodies were fitted to.
-        shape_m: shape (person, shape): lengths of the bodies.
-        shape_sd_m: shape (person, shape): their standard deviations.
-    """
-
-    window: TrackingWindow
-    tracks: Tracks
-    events: tuple[Event, ...]
-    skeleton: Skeleton
-    shape_m: np.ndarray
-    shape_sd_m: np.ndarray
-
-
 WindowBodies = tuple[Layer, Poses]
 """The model layer and the poses of a window, without the frames around it."""
 
 
-def tracking_windows(n_frames: int, rate_hz: float, window_s: float, terminate_after_s: float) -> list[TrackingWindow]:
-    """Divide a recording into windows of nearly equal length.
+def windows_of(n_frames: int, rate_hz: float, window_s: float, options: Options) -> list[Window]:
+    """Divide a recording into windows of nearly equal length, which begin where a chunk does.
 
     Args:
         n_frames: number of frames of the recording.
         rate_hz: frame rate.
         window_s: approximate length of a window.
-        terminate_after_s: time after which a lost track is terminated.
+        options: options of the reconstruction, which define the chunks and how far later frames influence bodies.
     """
+    chunk, tracker = options.chunk_frames, options.tracker
     number = max(round(n_frames / (window_s * rate_hz)), 1)
-    before, after = (math.ceil(time_s * rate_hz) for time_s in (_BEFORE_S, terminate_after_s + _AFTER_S))
-    bounds = np.linspace(0, n_frames, number + 1).round().astype(int).tolist()
+    after_s = _CONFIRMED_AFTER_S + tracker.look_ahead_s + tracker.fix_shape_after_s
+    before, after = (math.ceil(time_s * rate_hz) for time_s in (_BEFORE_S, after_s))
+    # The smoother works chunk by chunk, and what it finds depends on their borders.
+    inner = np.unique(np.linspace(0, n_frames / chunk, number + 1)[1:-1].round().astype(int)) * chunk
+    bounds = [0, *(place for place in inner.tolist() if 0 < place < n_frames), n_frames]
     return [
-        TrackingWindow(max(start - before, 0), start, stop, min(stop + after, n_frames))
+        Window(max(start - before, 0), start, stop, min(stop + after, n_frames))
         for start, stop in itertools.pairwise(bounds)
     ]
 
 
-def shared_settings(rig: CameraRig, detections: Detections, options: Options) -> tuple[Skeleton, Options]:
-    """Return the settings that all windows share, as :func:`track_people` determines them for a whole recording.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DividedPeople(TrackedPeople):
+    """People tracked through a recording, whose bodies can be smoothed window by window.
 
-    Returns:
-        The skeleton, with a kinematic tree, and the options, which fix the noise.
-
-    Raises:
-        SkeletonError: if the skeleton has no kinematic tree, and none can be measured.
+    Attributes:
+        detections: detections in which people were tracked.
+        options: options of the reconstruction.
+        windows: the windows, in order.
+        checkpoint: stores the tracker as it is before each window.
     """
-    frames, skeleton = sample_frames(detections), detections.skeleton
-    noise = initial_noise(rig, frames, skeleton, options)
-    skeleton = with_tree(rig, frames, skeleton, noise, options)
-    if fixed_noise(rig, options) is None:
-        fixed = NoiseOptions(rig.names, tuple(noise.scale_px.tolist()))
-        triangulation = replace(options.triangulation, confidence_exponent=noise.exponent)
-        options = replace(options, noise=fixed, triangulation=triangulation)
-    return skeleton, options
+
+    detections: Detections
+    options: Options
+    windows: tuple[Window, ...]
+    checkpoint: Checkpoint
+
+    @classmethod
+    def of(
+        cls,
+        people: TrackedPeople,
+        detections: Detections,
+        options: Options,
+        windows: tuple[Window, ...],
+        checkpoint: Checkpoint,
+    ) -> "DividedPeople":
+        """Return people tracked with trackers stored before each window; see the attributes."""
+        tracked = {field.name: getattr(people, field.name) for field in fields(TrackedPeople)}
+        return cls(**tracked, detections=detections, options=options, windows=windows, checkpoint=checkpoint)
+
+    def shared_priors(self) -> PathPriors | None:
+        """Return the priors of the bodies' smoother, estimated from the whole recording, or None if it has none."""
+        settings = self.history.settings
+        return estimate_priors(self.history, settings) if settings.options.smoother == "full" else None
+
+    def window_piece(
+        self, window: Window, priors: PathPriors | None, rig: CameraRig, detections: Detections
+    ) -> "WindowPiece":
+        """Return what another process needs to smooth the bodies of a window.
+
+        Args:
+            window: the window.
+            priors: the result of :meth:`shared_priors`.
+            rig: the cameras that the model layer is compared with.
+            detections: the detections of the whole recording that it is compared with.
+        """
+        first, last = window.first, window.last
+        naming = {
+            number: tuple((place - first, name) for place, name in since) for number, since in self.naming.since.items()
+        }
+        if priors is not None:
+            bodies = {
+                number: [replace(each, start=each.start - first) for each in lengths]
+                for number, lengths in priors.bodies.items()
+            }
+            priors = replace(priors, bodies=bodies)
+        return WindowPiece(
+            window, self.history.settings.rig, self.detections.frames(first, last), self.options,
+            self.checkpoint.load(tracker_name(first)), self.tracks(first, last), TrackNames(naming),
+            self.nis[first:last], self.nis_dof[first:last], self.shape_m, self.shape_sd_m, priors, rig,
+            detections.frames(window.start, window.stop),
+        )  # fmt: skip
 
 
-def track_window(
-    rig: CameraRig, detections: Detections, options: Options, window: TrackingWindow, tracker: ArticulatedTracker
-) -> tuple[TrackedWindow, WindowBodies]:
-    """Track people through a window and smooth their bodies.
+@dataclass(frozen=True, eq=False)
+class WindowPiece:
+    """What determines the bodies of a window; frames count from the first one of the wider range.
 
-    Args:
-        rig: calibrated cameras.
-        detections: detections of the wider range.
-        options: options from :func:`shared_settings`.
+    Attributes:
         window: the window.
-        tracker: tracker that has processed all frames before the wider range.
+        tracked_rig: cameras with which people were tracked.
+        tracked: detections of the wider range, in which people were tracked.
+        options: options of the reconstruction.
+        tracker: tracker as it is before the wider range.
+        tracks: assignment of detections to people in the wider range.
+        naming: names of the tracks.
+        nis: shape (frame, person): normalized innovation squared.
+        nis_dof: shape (frame, person), int32: its degrees of freedom.
+        shape_m: shape (person, shape): lengths of the bodies.
+        shape_sd_m: shape (person, shape): their standard deviations.
+        priors: priors of the bodies' smoother, or None.
+        rig: cameras of the result.
+        detections: detections of the window itself.
+    """
+
+    window: Window
+    tracked_rig: CameraRig
+    tracked: Detections
+    options: Options
+    tracker: ArticulatedTracker
+    tracks: Tracks
+    naming: TrackNames
+    nis: np.ndarray
+    nis_dof: np.ndarray
+    shape_m: np.ndarray
+    shape_sd_m: np.ndarray
+    priors: PathPriors | None
+    rig: CameraRig
+    detections: Detections
+
+
+def smooth_window(piece: WindowPiece) -> WindowBodies:
+    """Track people through a window again and return their smoothed bodies.
 
     Raises:
         DetectionsError: if frames have no times.
     """
-    people = track_people(rig, detections, options, Silent(), tracker=tracker)
-    tracked = TrackedWindow(
-        window, people.recording_tracks, people.events, people.skeleton, people.shape_m, people.shape_sd_m
-    )
-    start, stop = window.start - window.first, window.stop - window.first
-    smoother = people.smoother()
+    found = track_people(piece.tracked_rig, piece.tracked, piece.options, Silent(), tracker=piece.tracker)
+    # What is known of people's whole tracks, such as their names, replaces what the window shows.
+    people = replace(
+        found, recording_tracks=piece.tracks, naming=piece.naming, nis=piece.nis, nis_dof=piece.nis_dof,
+        shape_m=piece.shape_m, shape_sd_m=piece.shape_sd_m, priors=lambda: piece.priors,
+    )  # fmt: skip
+    window = piece.window
+    start = window.start - window.first
+    smoother, parts = people.smoother(), []
     if start:
         smoother.take(start)
-    return tracked, people.bodies(rig, detections.frames(start, stop), start, smoother.take(stop))
+    for first, last in ranges(window.stop - window.start, piece.options.chunk_frames):
+        detections, smoothed = piece.detections.frames(first, last), smoother.take(start + last)
+        parts.append(people.bodies(piece.rig, detections, start + first, smoothed))
+    return Layer.concatenate([layer for layer, _ in parts]), Poses.concatenate([poses for _, poses in parts])
