@@ -40,8 +40,8 @@ class CandidateFrames:
             # The first frames are kept too, for people who are present for a short time only.
             if (start + t) % self._step == 0 or len(self._numbers) < self._early:
                 self._numbers.append(start + int(t))
-                self._points.append(points_m[t])
-                self._covariances.append(covariance_m2[t])
+                self._points.append(points_m[t].copy())
+                self._covariances.append(covariance_m2[t].copy())
 
     def chosen(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return frame indices, points and covariances."""
