@@ -78,7 +78,6 @@ TESTED_ELSEWHERE = {
     "unit/biomechanics/test_inverse_kinematics.py": ("biomechanics/marker_model.py",),
     "unit/biomechanics/test_subject_fit.py": (
         "biomechanics/coordinate_priors.py",
-        "biomechanics/subject_samples.py",
     ),
     "unit/io/results/test_mot.py": ("io/results/netcdf_angles.py",),
     "unit/pipeline/test_joint_angles.py": (
