@@ -76,9 +76,7 @@ TESTED_ELSEWHERE = {
         "io/parquet_files.py",
     ),
     "unit/biomechanics/test_inverse_kinematics.py": ("biomechanics/marker_model.py",),
-    "unit/biomechanics/test_subject_fit.py": (
-        "biomechanics/coordinate_priors.py",
-    ),
+    "unit/biomechanics/test_subject_fit.py": ("biomechanics/coordinate_priors.py",),
     "unit/io/results/test_mot.py": ("io/results/netcdf_angles.py",),
     "unit/pipeline/test_joint_angles.py": (
         "biomechanics/angle_definitions.py",
