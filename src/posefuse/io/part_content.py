@@ -36,6 +36,7 @@ _FOREIGN = {
     ("array", "array"),
     ("array", "_array_reconstructor"),
     ("collections", "OrderedDict"),
+    ("collections", "deque"),
     ("functools", "partial"),
     ("numpy", "ndarray"),
     ("numpy", "dtype"),
@@ -44,6 +45,7 @@ _FOREIGN = {
     ("numpy._core.numeric", "_frombuffer"),
 }
 _FUNCTIONS = {
+    ("posefuse.association.pair_energy", "propose_by_energy"),
     ("posefuse.pipeline.people.initial_noise", "propose_people"),
     ("posefuse.tracking.strategies.specification", "configure"),
     ("posefuse.tracking.strategy", "same_settings"),
@@ -190,13 +192,13 @@ class _Unpickler(pickle.Unpickler):
         Raises:
             pickle.UnpicklingError: for any other class or function.
         """
-        if (module, name) in _FOREIGN:
+        if (module, name) in _FOREIGN | _FUNCTIONS:
             return super().find_class(module, name)
         if (module, name) == ("builtins", "getattr"):
             # Early releases of Python 3.11 store members of enumerations as attributes of their class.
             return _member
         if module.startswith(_OURS):
             found = super().find_class(module, name)
-            if (module, name) in _FUNCTIONS or (isinstance(found, type) and found.__module__ == module):
+            if isinstance(found, type) and found.__module__ == module:
                 return found
         raise pickle.UnpicklingError(f"a part of a reconstruction cannot hold {module}.{name}")

@@ -1,6 +1,9 @@
 """Content of checkpoints: values come back as they were, arrays are shared on the way, and damage is found."""
 
 import io
+from collections import deque
+from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -8,6 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from posefuse.io.part_content import Packed, compressed, copied, packed, unpacked
+from posefuse.model.frames import Frame
+from posefuse.model.options.options import Options
+from posefuse.model.options.tracker import StrategyName, TrackerOptions
+from posefuse.pipeline.people.track_recording import first_tracker
+from posefuse.synthetic.crowd_options import CrowdOptions
+from posefuse.synthetic.crowds import simulate_crowd
 from tests.properties import examples
 
 TYPES = ("<f8", "<f4", "<i8", "|u1", "|b1")
@@ -77,3 +86,31 @@ def test_damage_is_found(at):
         Packed.read(io.BytesIO(bytes(whole)))
     with pytest.raises((ValueError, KeyError, TypeError)):
         Packed.read(io.BytesIO(bytes(whole[:-1])))
+
+
+def test_queues_of_doubtful_identities_are_stored():
+    value = {"person_1": deque([(1, np.arange(3.0))], maxlen=2)}
+    same = compressed(value)[0].unpacked()
+    assert same["person_1"].maxlen == 2
+    np.testing.assert_array_equal(same["person_1"][0][1], np.arange(3.0))
+
+
+@pytest.mark.parametrize("strategy", get_args(StrategyName))
+@pytest.mark.parametrize("proposals", [True, False])
+def test_trackers_of_all_strategies_are_stored(strategy, proposals):
+    scene = simulate_crowd(CrowdOptions("crowd", people=1, cameras=4, duration_s=1.0, seed=3))
+    specification = replace(TrackerOptions().specification, pair_proposals=proposals)
+    tracker_options = TrackerOptions(strategy=strategy, specification=specification)
+    options = Options(people="many", noise_scale_px=14.0, tracker=tracker_options)
+    tracker, same = first_tracker(scene.rig, scene.detections, options), None
+    for i in range(scene.detections.n_frames):
+        frame = Frame.of(scene.detections, i)
+        if i == 5:
+            same = compressed(tracker)[0].unpacked()
+        found = tracker.process(frame)
+        if same is not None:
+            copy = same.process(frame).people
+            assert [each.name for each in copy.people] == [each.name for each in found.people.people]
+            for one, other in zip(copy.people, found.people.people, strict=True):
+                np.testing.assert_array_equal(one.points_m, other.points_m)
+    assert tracker.tracks
