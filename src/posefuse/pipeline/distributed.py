@@ -2,8 +2,8 @@
 
 The caller determines everything that depends on the whole recording; it tracks many people through all frames and
 stores the tracker before each window. Three rounds of independent pieces follow: ranges of frames are measured, bodies
-are smoothed in windows, and blocks of frames are solved over time. Tracks, measured and solved points equal those of an
-undivided run.
+are smoothed in windows, and blocks of frames are solved over time. Tracks, measured and solved points and fitted bodies
+equal those of an undivided run.
 
 A piece is a file in a folder that all workers share, with its result beside it as a part of a
 :class:`posefuse.io.checkpoints.CheckpointFolder`. An interrupted run resumes from the finished pieces.
@@ -115,23 +115,26 @@ def prepare_distributed(
     def find(
         rig: CameraRig, detections: Detections, options: Options, progress: Progress, checkpoint: Checkpoint
     ) -> tuple[Subjects, TrackedPeople | None]:
-        if options.people != "many" or options.bodies == "none":
+        if options.people != "many":
             return find_subjects(rig, detections, options, progress)
         rate_hz = 1.0 / clock_of(detections).period_s
         windows = tuple(windows_of(detections.n_frames, rate_hz, runner.workers.window_s, options))
         starts = [window.first for window in windows]
-        people, _ = find_subjects(rig, detections, options, progress, checkpoint, stored=starts)
+        people, bodies = find_subjects(rig, detections, options, progress, checkpoint, stored=starts)
         assert isinstance(people, TrackedPeople)
         if people.n_frames < detections.n_frames:  # interrupted: a divided recording has no partial result
             raise KeyboardInterrupt
+        if bodies is None:
+            return people, None
         divided = DividedPeople.of(people, detections, options, windows, checkpoint)
         return divided, divided
 
     plan = prepare(rig, detections, options, progress, runner.folder, find)
     if not isinstance(plan.bodies, DividedPeople):
         return plan
+    number = len(plan.bodies.windows)
     note = (
-        f"Bodies were smoothed in {len(plan.bodies.windows)} windows of about {runner.workers.window_s:g} s, with "
+        f"Bodies were smoothed in {number} window{'s' * (number > 1)} of about {runner.workers.window_s:g} s, with "
         "priors of the whole recording."
     )
     return replace(plan, provenance=plan.provenance.with_notes((note,)))

@@ -221,7 +221,7 @@ class History:
         """
         s = self.settings
         earliest = self._blocks[-2].first if len(self._blocks) > 1 else self._blocks[-1].first
-        by_place = {self.place(each.number): each for each in past}
+        by_place = {self.place(each.number): each for each in past if each.number >= self.numbers[0]}
         by_place = {place: each for place, each in by_place.items() if place >= earliest}
         if not by_place:
             return False

@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from posefuse.errors import FileError
 from posefuse.io.checkpoints import CheckpointFolder
 from posefuse.model.concatenate import concatenate_ranges
+from posefuse.model.detections import Detections
 from posefuse.model.options.alignment import AlignOptions
 from posefuse.model.options.options import Options
 from posefuse.model.options.postprocess import PostprocessOptions
@@ -49,6 +51,17 @@ def distributed(scene, options: Options, folder: Path, window_s: float, run: Run
 
 def simulate_people(seconds: float, people: int, seed: int, **more) -> CrowdScene:
     return simulate_crowd(CrowdOptions("crowd", people=people, cameras=4, duration_s=seconds, seed=seed, **more))
+
+
+def without_frames(detections: Detections, first: int, last: int) -> Detections:
+    """Return detections of which no view recorded the frames from ``first`` to ``last``, and later clocks are slow."""
+    recorded, counts = np.array(detections.recorded), np.array(detections.people_counts)
+    recorded[first:last] = False
+    rows = np.flatnonzero(np.repeat(recorded.ravel(), counts.ravel()))
+    time_s = np.where(recorded, detections.time_s, np.nan)
+    time_s[last:] -= 0.3
+    offsets = np.concatenate([[0], np.cumsum(np.where(recorded, counts, 0))])
+    return replace(detections, recorded=recorded, time_s=time_s, offsets=offsets, **detections.rows(rows))
 
 
 def check_same(whole: Reconstruction, pieces: Reconstruction) -> None:
@@ -124,6 +137,44 @@ def test_people_are_tracked_again_if_a_stored_tracker_is_damaged(tmp_path):
     (damaged,) = (tmp_path / "x").glob("tracker_*.part")
     damaged.write_bytes(damaged.read_bytes()[:-1])
     assert distributed(scene, options, tmp_path / "x", 3.0) == whole
+
+
+def test_a_tracker_that_is_removed_before_bodies_are_smoothed_is_named(tmp_path):
+    scene = simulate_people(6.0, 1, 3)
+    options = Options(people="many", solve="frame", noise_scale_px=14.0, pairs="labels", chunk_frames=75)
+
+    def removes(work: Callable[[Path], None], pieces: Sequence[Path]) -> None:
+        run_here(work, pieces)
+        for tracker in (tmp_path / "x").glob("tracker_*.part"):
+            tracker.unlink()
+
+    with pytest.raises(FileError, match=r"before frame 0, which was stored, is damaged .* Run the same command again"):
+        distributed(scene, options, tmp_path / "x", 3.0, removes)
+    expected = reconstruct(scene.rig, scene.detections, options)
+    check_same(expected, distributed(scene, options, tmp_path / "x", 3.0))
+
+
+@pytest.mark.parametrize("first", [740, 760])
+def test_frames_that_no_view_recorded_have_the_same_times_in_a_window(tmp_path, first):
+    """The window of frames 1500 to 1800 is tracked again from frame 750 on."""
+    scene = simulate_people(72.0, 1, 3)
+    detections = without_frames(scene.detections, first, first + 30)
+    options = Options(people="many", solve="frame", noise_scale_px=14.0, pairs="labels", chunk_frames=1500)
+    whole = reconstruct(scene.rig, detections, options)
+    check_same(whole, distributed(replace(scene, detections=detections), options, tmp_path / "x", 36.0))
+
+
+def test_tracking_without_bodies_resumes(tmp_path, monkeypatch):
+    scene = simulate_people(6.0, 1, 3)
+    options = Options(people="many", bodies="none", solve="frame", noise_scale_px=14.0, pairs="labels", chunk_frames=75)
+
+    def ended(work: Callable[[Path], None], pieces: Sequence[Path]) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        distributed(scene, options, tmp_path / "x", 3.0, ended)
+    monkeypatch.setattr("posefuse.pipeline.people.track_recording.first_tracker", None)
+    assert distributed(scene, options, tmp_path / "x", 3.0).person_ids == ("person_1",)
 
 
 @pytest.mark.long

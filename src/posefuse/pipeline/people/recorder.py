@@ -71,7 +71,9 @@ class Recorder:
             if person.nis_dof:
                 self.innovations.extend((place, track.number, person.nis, person.nis_dof))
             for each in tracked.past_states.get(track.name, []):
-                self._add_entry(self.history.place(each.number), track.number, TrackState.TENTATIVE, each.rows)
+                # A tracker that continues an earlier range may remember frames of it.
+                if each.number >= self.history.numbers[0]:
+                    self._add_entry(self.history.place(each.number), track.number, TrackState.TENTATIVE, each.rows)
         for swap in tracked.swaps:
             self._rename(tracker, swap.numbers, self.history.place_at(swap.since_s))
         self.events.extend(people.events)

@@ -97,6 +97,7 @@ def track_people(
     tracker: ArticulatedTracker | None = None,
     jobs: Jobs = ONE_JOB,
     stored: Sequence[int] = (),
+    times_s: np.ndarray | None = None,
 ) -> TrackedPeople:
     """Track all people through a recording.
 
@@ -108,14 +109,16 @@ def track_people(
         checkpoint: stores the state every ``chunk_frames``. If it does, an interruption ends the recording there.
         tracker: tracker that has processed all frames before the first; a new one if it is None.
         jobs: with several, a thread reads ahead and another one stores.
-        stored: indices of frames, ascending; the checkpoint stores the tracker as it is before each of them, under the
-            name that :func:`tracker_name` returns.
+        stored: indices of frames, in ascending order; the checkpoint stores the tracker as it is before each of them,
+            under the name that :func:`tracker_name` returns. People are tracked again from the start if one of them is
+            missing.
+        times_s: shape (frame,): times from :func:`frame_times`, if the frames are a range of a longer recording.
 
     Raises:
         DetectionsError: if frames have no times.
         SkeletonError: if the skeleton has no kinematic tree, and none can be measured.
     """
-    times_s = _times(detections)
+    times_s = frame_times(detections) if times_s is None else times_s
     stage = _Stage.load(checkpoint)
     if stage is None or any(checkpoint.load(tracker_name(place)) is None for place in stored if place <= stage.done):
         stage = _Stage.first(tracker or first_tracker(rig, detections, options), checkpoint)
@@ -264,7 +267,7 @@ def _spools(parts: int) -> tuple[str, ...]:
     return (f"{_NAME}.body", *(f"{_NAME}.part_{i}" for i in range(parts)))
 
 
-def _times(detections: Detections) -> np.ndarray:
+def frame_times(detections: Detections) -> np.ndarray:
     """Return frame times, shape (frame,), interpolated where no view recorded the frame; NaN if unknown."""
     known = np.asarray(detections.recorded) & np.isfinite(detections.time_s)
     last = np.where(known, detections.time_s, -np.inf).max(axis=1)

@@ -3,7 +3,7 @@
 People are tracked through the whole recording once, and the tracker is stored as it is some seconds before each window.
 From there, another process tracks the window again, with the same result, to get the states of the bodies without a
 transfer of the whole history. It smooths them with the priors of the whole recording, chunk by chunk as an undivided
-run does, so that the bodies are the same.
+run does, so that fitted bodies are the same. Other bodies, hands and faces depend on all earlier frames.
 """
 
 import itertools
@@ -14,20 +14,21 @@ import numpy as np
 
 from posefuse.arrays import ranges
 from posefuse.checkpoint import Checkpoint
+from posefuse.errors import FileError
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Layer
 from posefuse.model.track_events import Poses
 from posefuse.model.tracks import Tracks
-from posefuse.pipeline.people.track_recording import track_people, tracker_name
+from posefuse.pipeline.people.track_recording import frame_times, track_people, tracker_name
 from posefuse.pipeline.people.tracked_people import TrackedPeople, TrackNames
 from posefuse.progress import Silent
 from posefuse.tracking.path_priors import PathPriors, estimate_priors
 from posefuse.tracking.tracker import ArticulatedTracker
 
 _BEFORE_S = 30.0
-"""Earlier frames matter only where a track was initialized again, and change these bodies by less than 0.1 mm."""
+"""Earlier frames change bodies that are not fitted by less than 0.1 mm, and do not matter for the others."""
 
 _CONFIRMED_AFTER_S = 10.0
 """Time after which a track that begins in a window is confirmed, and its earlier frames are known."""
@@ -66,7 +67,8 @@ def windows_of(n_frames: int, rate_hz: float, window_s: float, options: Options)
     chunk, tracker = options.chunk_frames, options.tracker
     number = max(round(n_frames / (window_s * rate_hz)), 1)
     after_s = _CONFIRMED_AFTER_S + tracker.look_ahead_s + tracker.fix_shape_after_s
-    before, after = (math.ceil(time_s * rate_hz) for time_s in (_BEFORE_S, after_s))
+    before_s = max(_BEFORE_S, tracker.look_ahead_s)
+    before, after = (math.ceil(time_s * rate_hz) for time_s in (before_s, after_s))
     # The smoother works chunk by chunk, and what it finds depends on their borders.
     inner = np.unique(np.linspace(0, n_frames / chunk, number + 1)[1:-1].round().astype(int)) * chunk
     bounds = [0, *(place for place in inner.tolist() if 0 < place < n_frames), n_frames]
@@ -120,8 +122,17 @@ class DividedPeople(TrackedPeople):
             priors: the result of :meth:`shared_priors`.
             rig: the cameras that the model layer is compared with.
             detections: the detections of the whole recording that it is compared with.
+
+        Raises:
+            FileError: if the stored tracker is damaged or was removed.
         """
         first, last = window.first, window.last
+        tracker = self.checkpoint.load(tracker_name(first))
+        if tracker is None:
+            raise FileError(
+                f"The state of tracking before frame {self.history.numbers[first]}, which was stored, is damaged or "
+                "was removed. Run the same command again to track people again."
+            )
         naming = {
             number: tuple((place - first, name) for place, name in since) for number, since in self.naming.since.items()
         }
@@ -132,11 +143,22 @@ class DividedPeople(TrackedPeople):
             }
             priors = replace(priors, bodies=bodies)
         return WindowPiece(
-            window, self.history.settings.rig, self.detections.frames(first, last), self.options,
-            self.checkpoint.load(tracker_name(first)), self.tracks(first, last), TrackNames(naming),
-            self.nis[first:last], self.nis_dof[first:last], self.shape_m, self.shape_sd_m, priors, rig,
-            detections.frames(window.start, window.stop),
-        )  # fmt: skip
+            window=window,
+            tracked_rig=self.history.settings.rig,
+            tracked=self.detections.frames(first, last),
+            times_s=frame_times(self.detections)[first:last],
+            options=self.options,
+            tracker=tracker,
+            tracks=self.tracks(first, last),
+            naming=TrackNames(naming),
+            nis=self.nis[first:last],
+            nis_dof=self.nis_dof[first:last],
+            shape_m=self.shape_m,
+            shape_sd_m=self.shape_sd_m,
+            priors=priors,
+            rig=rig,
+            detections=detections.frames(window.start, window.stop),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +169,7 @@ class WindowPiece:
         window: the window.
         tracked_rig: cameras with which people were tracked.
         tracked: detections of the wider range, in which people were tracked.
+        times_s: shape (frame,): their times.
         options: options of the reconstruction.
         tracker: tracker as it is before the wider range.
         tracks: assignment of detections to people in the wider range.
@@ -163,6 +186,7 @@ class WindowPiece:
     window: Window
     tracked_rig: CameraRig
     tracked: Detections
+    times_s: np.ndarray
     options: Options
     tracker: ArticulatedTracker
     tracks: Tracks
@@ -182,7 +206,9 @@ def smooth_window(piece: WindowPiece) -> WindowBodies:
     Raises:
         DetectionsError: if frames have no times.
     """
-    found = track_people(piece.tracked_rig, piece.tracked, piece.options, Silent(), tracker=piece.tracker)
+    found = track_people(
+        piece.tracked_rig, piece.tracked, piece.options, Silent(), tracker=piece.tracker, times_s=piece.times_s
+    )
     # What is known of people's whole tracks, such as their names, replaces what the window shows.
     people = replace(
         found, recording_tracks=piece.tracks, naming=piece.naming, nis=piece.nis, nis_dof=piece.nis_dof,

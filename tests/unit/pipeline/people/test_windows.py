@@ -1,11 +1,18 @@
-"""Windows cover a recording, and the frames that influence their bodies."""
+"""Windows cover a recording, and the frames that influence their bodies; tracking continues from any frame."""
 
+import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
+from posefuse.pipeline.people.track_recording import first_tracker, frame_times, track_people
 from posefuse.pipeline.people.windows import windows_of
+from posefuse.progress import Silent
+from posefuse.synthetic.crowd_options import CrowdOptions
+from posefuse.synthetic.crowds import simulate_crowd
 from tests.properties import examples
 
 
@@ -22,6 +29,23 @@ def test_windows_cover_the_recording_and_the_frames_that_influence_bodies(n, rat
     for each in actual:
         assert 0 <= each.first <= each.start < each.stop <= each.last <= n
         assert each.start % chunk == 0
-        assert each.first == 0 or each.start - each.first >= 10.0 * rate_hz
+        assert each.first == 0 or each.start - each.first >= max(30.0, look_ahead_s) * rate_hz
         assert each.last == n or each.last - each.stop >= look_ahead_s * rate_hz
         assert abs((each.stop - each.start) - n / len(actual)) <= max(chunk, 0.5 * n / len(actual)) + 1
+
+
+@pytest.mark.parametrize("first", [1, 2, 3, 12])
+def test_tracking_continues_while_a_person_is_tentative(first):
+    """The person is confirmed in a window, by observations before its first frame."""
+    scene = simulate_crowd(CrowdOptions("crowd", people=1, cameras=4, duration_s=2.0, seed=3))
+    rig, detections, options = scene.rig, scene.detections, Options(people="many", noise_scale_px=14.0)
+    whole = track_people(rig, detections, options, Silent())
+    tracker = first_tracker(rig, detections, options)
+    for i in range(first):
+        tracker.process(Frame.of(detections, i))
+    n_frames, times_s = detections.n_frames, frame_times(detections)[first:]
+    rest = track_people(rig, detections.frames(first, n_frames), options, Silent(), tracker=tracker, times_s=times_s)
+    expected = np.asarray(whole.recording_tracks.detection)[first:]
+    seen = np.asarray(rest.recording_tracks.detection) >= 0
+    assert seen[5:].any(axis=(1, 2)).all()
+    np.testing.assert_array_equal(np.asarray(rest.recording_tracks.detection)[seen], expected[seen])
