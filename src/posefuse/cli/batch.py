@@ -63,7 +63,7 @@ class _Where:
     ] = 2
     window_s: Annotated[
         float,
-        Parameter(help="On a cluster, divide recordings of two or more windows of this length, in seconds, or one chunk."),
+        Parameter(help="On a cluster, divide recordings of at least two windows of about this length, in seconds."),
     ] = 300.0
 
     def check(self) -> "Scheduler | None":
