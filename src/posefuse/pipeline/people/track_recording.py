@@ -97,7 +97,6 @@ def track_people(
     tracker: ArticulatedTracker | None = None,
     jobs: Jobs = ONE_JOB,
     stored: Sequence[int] = (),
-    times_s: np.ndarray | None = None,
 ) -> TrackedPeople:
     """Track all people through a recording.
 
@@ -112,13 +111,12 @@ def track_people(
         stored: indices of frames, in ascending order; the checkpoint stores the tracker as it is before each of them,
             under the name that :func:`tracker_name` returns. People are tracked again from the start if one of them is
             missing.
-        times_s: shape (frame,): times from :func:`frame_times`, if the frames are a range of a longer recording.
 
     Raises:
         DetectionsError: if frames have no times.
         SkeletonError: if the skeleton has no kinematic tree, and none can be measured.
     """
-    times_s = frame_times(detections) if times_s is None else times_s
+    times_s = frame_times(detections)
     stage = _Stage.load(checkpoint)
     if stage is None or any(checkpoint.load(tracker_name(place)) is None for place in stored if place <= stage.done):
         stage = _Stage.first(tracker or first_tracker(rig, detections, options), checkpoint)
@@ -152,6 +150,23 @@ def track_people(
     progress.finish()
     offsets = detections.offsets[: stage.done * detections.n_views + 1]
     return stage.recorder.close(offsets, detections.n_views)
+
+
+def continue_tracking(tracker: ArticulatedTracker, detections: Detections, times_s: np.ndarray) -> TrackedPeople:
+    """Track all people through a range of frames of a recording.
+
+    Args:
+        tracker: tracker that has processed all earlier frames.
+        detections: detections of the range.
+        times_s: shape (frame,): times of its frames, from :func:`frame_times` of the recording.
+
+    Raises:
+        DetectionsError: if frames have no times.
+    """
+    stage = _Stage.first(tracker, NO_CHECKPOINT)
+    for start, stop in ranges(detections.n_frames, CHUNK_FRAMES):
+        stage.advance(detections.frames(start, stop), times_s[start:stop])
+    return stage.recorder.close(detections.offsets, detections.n_views)
 
 
 def first_tracker(rig: CameraRig, detections: Detections, options: Options) -> ArticulatedTracker:

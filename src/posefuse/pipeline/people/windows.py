@@ -21,9 +21,8 @@ from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Layer
 from posefuse.model.track_events import Poses
 from posefuse.model.tracks import Tracks
-from posefuse.pipeline.people.track_recording import frame_times, track_people, tracker_name
+from posefuse.pipeline.people.track_recording import continue_tracking, frame_times, tracker_name
 from posefuse.pipeline.people.tracked_people import TrackedPeople, TrackNames
-from posefuse.progress import Silent
 from posefuse.tracking.path_priors import PathPriors, estimate_priors
 from posefuse.tracking.tracker import ArticulatedTracker
 
@@ -144,10 +143,9 @@ class DividedPeople(TrackedPeople):
             priors = replace(priors, bodies=bodies)
         return WindowPiece(
             window=window,
-            tracked_rig=self.history.settings.rig,
             tracked=self.detections.frames(first, last),
             times_s=frame_times(self.detections)[first:last],
-            options=self.options,
+            chunk_frames=self.options.chunk_frames,
             tracker=tracker,
             tracks=self.tracks(first, last),
             naming=TrackNames(naming),
@@ -167,10 +165,9 @@ class WindowPiece:
 
     Attributes:
         window: the window.
-        tracked_rig: cameras with which people were tracked.
         tracked: detections of the wider range, in which people were tracked.
         times_s: shape (frame,): their times.
-        options: options of the reconstruction.
+        chunk_frames: number of frames of a chunk.
         tracker: tracker as it is before the wider range.
         tracks: assignment of detections to people in the wider range.
         naming: names of the tracks.
@@ -184,10 +181,9 @@ class WindowPiece:
     """
 
     window: Window
-    tracked_rig: CameraRig
     tracked: Detections
     times_s: np.ndarray
-    options: Options
+    chunk_frames: int
     tracker: ArticulatedTracker
     tracks: Tracks
     naming: TrackNames
@@ -206,9 +202,7 @@ def smooth_window(piece: WindowPiece) -> WindowBodies:
     Raises:
         DetectionsError: if frames have no times.
     """
-    found = track_people(
-        piece.tracked_rig, piece.tracked, piece.options, Silent(), tracker=piece.tracker, times_s=piece.times_s
-    )
+    found = continue_tracking(piece.tracker, piece.tracked, piece.times_s)
     # What is known of people's whole tracks, such as their names, replaces what the window shows.
     people = replace(
         found, recording_tracks=piece.tracks, naming=piece.naming, nis=piece.nis, nis_dof=piece.nis_dof,
@@ -219,7 +213,7 @@ def smooth_window(piece: WindowPiece) -> WindowBodies:
     smoother, parts = people.smoother(), []
     if start:
         smoother.take(start)
-    for first, last in ranges(window.stop - window.start, piece.options.chunk_frames):
+    for first, last in ranges(window.stop - window.start, piece.chunk_frames):
         detections, smoothed = piece.detections.frames(first, last), smoother.take(start + last)
         parts.append(people.bodies(piece.rig, detections, start + first, smoothed))
     return Layer.concatenate([layer for layer, _ in parts]), Poses.concatenate([poses for _, poses in parts])

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
-from posefuse.pipeline.people.track_recording import first_tracker, frame_times, track_people
+from posefuse.pipeline.people.track_recording import continue_tracking, first_tracker, frame_times, track_people
 from posefuse.pipeline.people.windows import windows_of
 from posefuse.progress import Silent
 from posefuse.synthetic.crowd_options import CrowdOptions
@@ -43,8 +43,7 @@ def test_tracking_continues_while_a_person_is_tentative(first):
     tracker = first_tracker(rig, detections, options)
     for i in range(first):
         tracker.process(Frame.of(detections, i))
-    n_frames, times_s = detections.n_frames, frame_times(detections)[first:]
-    rest = track_people(rig, detections.frames(first, n_frames), options, Silent(), tracker=tracker, times_s=times_s)
+    rest = continue_tracking(tracker, detections.frames(first, detections.n_frames), frame_times(detections)[first:])
     expected = np.asarray(whole.recording_tracks.detection)[first:]
     seen = np.asarray(rest.recording_tracks.detection) >= 0
     assert seen[5:].any(axis=(1, 2)).all()
