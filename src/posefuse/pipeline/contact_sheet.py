@@ -23,6 +23,7 @@ from posefuse.visualize.drawing import DrawingStyle, draw
 from posefuse.visualize.frame_times import FrameTimes
 from posefuse.visualize.overlay.video_sources import VideoCursor, VideoSource, check_names, shown_area_px
 from posefuse.visualize.person_pictures import Moment, best_moments, cut_out
+from posefuse.visualize.pillow_extra import require_pillow
 
 PICTURES = 3
 """Largest number of pictures of a person, each of another camera."""
@@ -53,13 +54,15 @@ def write_contact_sheet(
     Raises:
         MatchError: if a video or an offset names an unknown camera.
         FileError: if a video cannot be read, or the name of the page does not end in .html.
-        ResultError: if the result is of a single camera, or its people differ from frame to frame.
+        ResultError: if the result is of a single camera, its people differ from frame to frame, or Pillow or
+            matplotlib is not installed.
         OutputExistsError: if the page exists and ``overwrite`` is False.
     """
     progress, videos, offset_s = progress or Silent(), videos or {}, offset_s or {}
     if not result.has_identities:
         raise ResultError("The people of unrelated frames have no identity, so there is none to select.")
     check_new_page(path, overwrite=overwrite)
+    require_pillow()
     check_names(result.rig, videos, "videos")
     check_names(result.rig, offset_s, "offset_s")
     layer, _ = result.best_layer(result.options.layer)

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from PIL import Image
 
 from posefuse.visualize.colors import BACKGROUND
+from posefuse.visualize.pillow_extra import require_pillow
 
 _MAX_WIDTH_PX, _MAX_HEIGHT_PX = 1920, 1440
 
@@ -64,9 +64,16 @@ class Mosaic:
 
 
 def resize_image(image: np.ndarray, size_px: tuple[int, int]) -> np.ndarray:
-    """Return a resized copy of an image of shape (height, width, 3), uint8."""
+    """Return a resized copy of an image of shape (height, width, 3), uint8.
+
+    Raises:
+        ResultError: if the size differs and Pillow is not installed.
+    """
     if (image.shape[1], image.shape[0]) == size_px:
         return image.copy()
+    require_pillow()
+    from PIL import Image
+
     return np.array(Image.fromarray(image).resize(size_px, Image.Resampling.BILINEAR))
 
 

@@ -5,11 +5,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from PIL import Image
 
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.tracks import TrackState
+from posefuse.visualize.pillow_extra import require_pillow
 
 _MAX_FRAMES = 300
 _MIN_KEYPOINTS = 0.5
@@ -100,7 +100,13 @@ def cut_out(image: np.ndarray, box_px: tuple[float, float, float, float]) -> tup
     Args:
         image: shape (height, width, 3), uint8.
         box_px: left, top, right and bottom in the image.
+
+    Raises:
+        ResultError: if Pillow is not installed.
     """
+    require_pillow()
+    from PIL import Image
+
     height, width = image.shape[:2]
     left, top, right, bottom = box_px
     margin = _MARGIN * max(right - left, bottom - top, 20.0)

@@ -3,12 +3,16 @@
 import io
 from functools import lru_cache
 from importlib.resources import files
+from typing import TYPE_CHECKING
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
 
 from posefuse.visualize.canvas import shade, stamp
 from posefuse.visualize.colors import INK, Color
+from posefuse.visualize.pillow_extra import require_pillow
+
+if TYPE_CHECKING:
+    from PIL.ImageFont import FreeTypeFont
 
 _BACKGROUND_OPACITY = 0.6
 
@@ -28,6 +32,9 @@ def write_text(
 
     Returns:
         Width and height of the strip.
+
+    Raises:
+        ResultError: if Pillow or matplotlib is not installed.
     """
     mask = _mask(text, height_px)
     pad = max(2, height_px // 4)
@@ -42,6 +49,9 @@ def write_text(
 @lru_cache(maxsize=512)
 def _mask(text: str, height_px: int) -> np.ndarray:
     """Return the coverage of each pixel by the letters, shape (row, column), uint8."""
+    require_pillow()
+    from PIL import Image, ImageDraw
+
     font = _font(height_px)
     ascent, descent = font.getmetrics()
     width = max(1, round(font.getlength(text)))
@@ -51,6 +61,8 @@ def _mask(text: str, height_px: int) -> np.ndarray:
 
 
 @lru_cache(maxsize=16)
-def _font(height_px: int) -> ImageFont.FreeTypeFont:
+def _font(height_px: int) -> "FreeTypeFont":
+    from PIL import ImageFont
+
     path = files("matplotlib").joinpath("mpl-data", "fonts", "ttf", "DejaVuSans.ttf")
     return ImageFont.truetype(io.BytesIO(path.read_bytes()), height_px, layout_engine=ImageFont.Layout.BASIC)

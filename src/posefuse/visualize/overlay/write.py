@@ -20,6 +20,7 @@ from posefuse.visualize.frame_times import FrameTimes, no_frames_error
 from posefuse.visualize.mosaic import Mosaic, resize_image
 from posefuse.visualize.overlay.options import OverlayOptions, OverlayVideo
 from posefuse.visualize.overlay.video_sources import VideoCursor, VideoSource, open_sources
+from posefuse.visualize.pillow_extra import require_pillow
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,10 +63,12 @@ def write_overlays(
     Raises:
         MatchError: if a video or an offset names an unknown camera.
         FileError: if a video cannot be read, or the output cannot be written.
-        ResultError: if there is nothing to draw, or the size of a video differs from its camera's.
+        ResultError: if there is nothing to draw, the size of a video differs from its camera's, or Pillow or matplotlib
+            is not installed.
         OptionsError: if a video to be drawn on would be replaced.
         OutputExistsError: if an overlay video exists and ``overwrite`` is False.
     """
+    require_pillow()
     layer, _ = result.best_layer(options.layer)
     frame_times = FrameTimes.of(result)
     sources = open_sources(result.rig, videos, options, frame_times.timed, result.options.sync)
