@@ -50,6 +50,10 @@ class Checkpoint(Protocol):
         """
         ...
 
+    def discard(self, name: str) -> None:
+        """Remove the part of this name, if it is stored."""
+        ...
+
     def spool(self, name: str) -> Spool | None:
         """Open the spool that stored parts refer to, truncated to its length at the last :meth:`save`.
 
@@ -81,6 +85,9 @@ class NoCheckpoint:
     def begin_save(self, name: str, value: Any, thread: Executor) -> tuple[Any, Callable[[], None]]:
         """Return the value unchanged, and a function that does nothing."""
         return value, _nothing
+
+    def discard(self, name: str) -> None:
+        """Do nothing."""
 
     def spool(self, name: str) -> Spool | None:
         """Return None; values stay in memory."""

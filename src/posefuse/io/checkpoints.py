@@ -133,6 +133,10 @@ class CheckpointFolder:
         content, kept = copied(value)
         return kept, thread.submit(lambda: self._store(name, Packed.of(content))).result
 
+    def discard(self, name: str) -> None:
+        """Remove the part of this name, if it is stored."""
+        self._path(name).unlink(missing_ok=True)
+
     def _store(self, name: str, content: Packed) -> None:
         spools = {each: size for each, size in self._spool_sizes().items() if each.startswith(f"{name}.")}
         self.begin()

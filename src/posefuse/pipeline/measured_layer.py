@@ -102,7 +102,7 @@ def _measured(plan: Plan, checkpoint: Checkpoint, jobs: Jobs, first: int = 0) ->
     head = empty_result(plan)
     spans = list(enumerate(ranges(plan.detections.n_frames, plan.options.chunk_frames)))
     names = {i: _MEASURED.format(i) for i, _ in spans}
-    needed = [each for each in spans if each[0] >= first or not checkpoint.contains(names[each[0]])]
+    needed = spans[first:]
     missing = {i: span for i, span in needed if checkpoint.load(names[i]) is None}
     # Points and people of the next chunks are computed while this one is used.
     people = jobs.ahead(_smoothed(plan, checkpoint, jobs, missing))
@@ -171,13 +171,22 @@ def _solved(plan: Plan, solver: LayerSolver, checkpoint: Checkpoint, jobs: Jobs)
             yield stored.to_reconstruction(head)
     if done == len(spans):
         return
-    first = max(spans[done][0] - solver.margin, 0) // chunk
+
+    def first_needed(done: int) -> int:
+        """Return the first measured chunk that later ranges read."""
+        return max(spans[done][0] - solver.margin, 0) // chunk if done < len(spans) else -(-n_frames // chunk)
+
+    first = discarded = first_needed(done)
     parts = _measured(plan, checkpoint, jobs, first)
     # Not by enumerate, which would keep each range until the next one is complete.
     for part in solver.solve(parts, n_frames, done=done, begin=first * chunk, jobs=jobs):
         if checkpoint.enabled:
             part = checkpoint.save(_SOLVED.format(done), FrameRange.of(part)).to_reconstruction(part)
         done += 1
+        # Solved ranges contain the measured layer, which takes much space on the disk.
+        for i in range(discarded, first_needed(done)):
+            checkpoint.discard(_MEASURED.format(i))
+        discarded = first_needed(done)
         release_free_memory()
         yield part
         del part
