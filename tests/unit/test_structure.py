@@ -147,7 +147,6 @@ TESTED_ELSEWHERE = {
     "unit/io/results/test_netcdf.py": ("io/netcdf.py",),
     "unit/io/results/test_write.py": ("model/track_events.py",),
     "unit/pipeline/run/test_plan.py": ("pipeline/run/view_facts.py",),
-    "unit/io/test_checkpoints.py": ("pipeline/measured_layer.py",),
     "unit/io/test_options.py": ("io/options_template.py",),
     "unit/io/test_recording.py": ("io/folder_locks.py",),
     "unit/io/test_timestamps.py": ("io/open_recording.py",),
