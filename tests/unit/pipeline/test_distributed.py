@@ -1,5 +1,6 @@
 """A recording reconstructed in pieces has the same people, and the same points where they have the same detections."""
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from posefuse.errors import FileError
 from posefuse.io.checkpoints import CheckpointFolder
 from posefuse.model.concatenate import concatenate_ranges
 from posefuse.model.detections import Detections
+from posefuse.model.frames import Frame
 from posefuse.model.options.alignment import AlignOptions
 from posefuse.model.options.options import Options
 from posefuse.model.options.postprocess import PostprocessOptions
@@ -32,6 +34,7 @@ from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
+from posefuse.tracking.tracker import ArticulatedTracker
 
 
 def run_here(work: Callable[[Path], None], pieces: Sequence[Path]) -> None:
@@ -86,6 +89,25 @@ def test_people_of_two_windows_equal_those_of_one_run(tmp_path):
     check_same(whole, pieces)
     assert any("in 2 windows" in note for note in pieces.provenance.notes)
     assert list((tmp_path / "x").glob("*.todo")) == []
+
+
+def test_interrupted_tracking_promises_no_partial_result(tmp_path, monkeypatch):
+    """Of a divided recording there is none, and the next run continues after the last chunk."""
+    scene = simulate_people(9.0, 2, 3)
+    options = Options(people="many", noise_scale_px=14.0, pairs="labels", chunk_frames=75)
+    process, left = ArticulatedTracker.process, [100]
+
+    def interrupted(tracker: ArticulatedTracker, frame: Frame) -> object:
+        left[0] -= 1
+        if not left[0]:
+            raise KeyboardInterrupt
+        return process(tracker, frame)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt), warnings.catch_warnings():
+        patch.setattr(ArticulatedTracker, "process", interrupted)
+        warnings.simplefilter("error")
+        distributed(scene, options, tmp_path / "x", 4.5)
+    check_same(reconstruct(scene.rig, scene.detections, options), distributed(scene, options, tmp_path / "x", 4.5))
 
 
 @pytest.mark.long

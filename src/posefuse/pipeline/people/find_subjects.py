@@ -16,7 +16,7 @@ from posefuse.model.subjects import Subjects
 from posefuse.model.tracks import TrackState
 from posefuse.parallel import ONE_JOB, Jobs
 from posefuse.pipeline.people.stills import STILLS, associate_stills
-from posefuse.pipeline.people.track_recording import track_people, track_subject
+from posefuse.pipeline.people.track_recording import track_people, track_subject, warn_of_interruption
 from posefuse.pipeline.people.tracked_people import TrackedPeople
 from posefuse.pipeline.people.trackers import warn_of_unused_options
 from posefuse.progress import Progress
@@ -65,6 +65,8 @@ def find_subjects(
         warn_of_unused_options(options, detections.skeleton)
     if options.people == "many":
         people = track_people(rig, detections, options, progress, checkpoint, jobs=jobs, stored=stored)
+        if not stored:  # A divided recording has no partial result.
+            warn_of_interruption(people, detections)
         people = people.only(options.person) if options.person else people
         return people, None if options.bodies == "none" else people
     if options.people == STILLS:
@@ -75,6 +77,7 @@ def find_subjects(
     if len(rig) == 1:
         raise OptionsError("bodies = 'fit' needs two cameras or more; this rig has one.")
     tracked = track_subject(rig, detections, subject, options, progress, checkpoint)
+    warn_of_interruption(tracked, detections)
     if not tracked.recording_tracks.person_ids:
         raise DetectionsError(
             "bodies = 'fit' found no frame in which two cameras show the subject well enough to initialize the body. "

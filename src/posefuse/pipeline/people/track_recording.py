@@ -105,7 +105,8 @@ def track_people(
         detections: detections of the recording.
         options: options of the reconstruction.
         progress: receives the progress.
-        checkpoint: stores the state every ``chunk_frames``. If it does, an interruption ends the recording there.
+        checkpoint: stores the state every ``chunk_frames``. If it does, an interruption ends the recording there;
+            :func:`warn_of_interruption` says so.
         tracker: tracker that has processed all frames before the first; a new one if it is None.
         jobs: with several, a thread reads ahead and another one stores.
         stored: indices of frames, in ascending order; the checkpoint stores the tracker as it is before each of them,
@@ -146,10 +147,15 @@ def track_people(
             if saved is None or not checkpoint.enabled:
                 raise
             stage = saved
-            warnings.warn(_INTERRUPTED.format(stage.done, detections.n_frames), PosefuseWarning, stacklevel=2)
     progress.finish()
     offsets = detections.offsets[: stage.done * detections.n_views + 1]
     return stage.recorder.close(offsets, detections.n_views)
+
+
+def warn_of_interruption(people: TrackedPeople, detections: Detections) -> None:
+    """Warn if tracking was interrupted, and the result will cover the frames before."""
+    if people.n_frames < detections.n_frames:
+        warnings.warn(_INTERRUPTED.format(people.n_frames, detections.n_frames), PosefuseWarning, stacklevel=3)
 
 
 def continue_tracking(tracker: ArticulatedTracker, detections: Detections, times_s: np.ndarray) -> TrackedPeople:
