@@ -20,6 +20,7 @@ from posefuse.alignment.apply import align_parts
 from posefuse.arrays import ranges
 from posefuse.association.one_subject import SingleSubject
 from posefuse.checkpoint import Checkpoint
+from posefuse.errors import FileError
 from posefuse.io.checkpoints import CheckpointFolder
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
@@ -33,6 +34,7 @@ from posefuse.pipeline.defaults import BLOCK_FRAMES
 from posefuse.pipeline.measured_layer import Piece, measure_range, piece_of
 from posefuse.pipeline.people.find_subjects import find_subjects
 from posefuse.pipeline.people.keypoint_deviations import with_deviations
+from posefuse.pipeline.people.track_recording import frame_times
 from posefuse.pipeline.people.tracked_people import TrackedPeople
 from posefuse.pipeline.people.windows import (
     DividedPeople,
@@ -95,6 +97,20 @@ class PieceRunner:
             path.unlink()
         return names
 
+    def result(self, name: str) -> Any:
+        """Return the result of a piece.
+
+        Raises:
+            FileError: if it is missing or damaged.
+        """
+        found = self.folder.load(name)
+        if found is None:
+            raise FileError(
+                f"The result {name} of a worker is missing in {self.folder.folder}, or it is damaged. All workers must "
+                "see this folder under the same path. Run the same command again: it computes only what is missing."
+            )
+        return found
+
 
 def is_long(detections: Detections, options: Options, window_s: float) -> bool:
     """Return whether a recording has times, and frames for two windows."""
@@ -118,7 +134,7 @@ def prepare_distributed(
         if options.people != "many":
             return find_subjects(rig, detections, options, progress)
         rate_hz = 1.0 / clock_of(detections).period_s
-        windows = tuple(windows_of(detections.n_frames, rate_hz, runner.workers.window_s, options))
+        windows = tuple(windows_of(frame_times(detections), rate_hz, runner.workers.window_s, options))
         starts = [window.first for window in windows]
         people, bodies = find_subjects(rig, detections, options, progress, checkpoint, stored=starts)
         assert isinstance(people, TrackedPeople)
@@ -148,7 +164,7 @@ def reconstruct_distributed(plan: Plan, runner: PieceRunner, progress: Progress)
     n_frames, head = plan.detections.n_frames, empty_result(plan)
     spans = list(ranges(n_frames, plan.options.chunk_frames))
     done = runner.run(measure_piece, "measured", (partial(piece_of, plan, *span) for span in spans))
-    parts = (runner.folder.load(name).to_reconstruction(head) for name in done)
+    parts = (runner.result(name).to_reconstruction(head) for name in done)
     if isinstance(plan.bodies, DividedPeople):
         parts = _with_people_bodies(plan, plan.bodies, parts, runner)
     elif plan.bodies is not None:
@@ -157,7 +173,7 @@ def reconstruct_distributed(plan: Plan, runner: PieceRunner, progress: Progress)
         solver, size = plan.solver, max(BLOCK_FRAMES, plan.solver.margin)
         windows = frame_windows(parts, n_frames, solver.margin, size)
         names = runner.run(solve_piece, "solved", (partial(solver.restricted_to, window) for window in windows))
-        parts = (runner.folder.load(name).to_reconstruction(head) for name in names)
+        parts = (runner.result(name).to_reconstruction(head) for name in names)
     if plan.alignment is not None:
         parts = align_parts(parts, plan.alignment)
     yield from report_ranges(parts, n_frames, "assembling", progress)
@@ -197,7 +213,7 @@ def _with_people_bodies(
     priors, windows = people.shared_priors(), people.windows
     pieces = (partial(people.window_piece, window, priors, plan.rig, plan.detections) for window in windows)
     names = runner.run(smooth_piece, "bodies", pieces)
-    bodies, start = _StoredBodies(runner.folder, dict(zip(windows, names, strict=True))), 0
+    bodies, start = _StoredBodies(runner, dict(zip(windows, names, strict=True))), 0
     for part in parts:
         stop = start + part.n_frames
         layer, poses = bodies.frames(start, stop)
@@ -210,12 +226,12 @@ class _StoredBodies:
     """Loads the bodies of windows in order; the last window stays in memory.
 
     Args:
-        folder: stores the results of :func:`smooth_piece`.
-        names: their names.
+        runner: has run :func:`smooth_piece`.
+        names: names of the results.
     """
 
-    def __init__(self, folder: CheckpointFolder, names: Mapping[Window, str]) -> None:
-        self._folder, self._names = folder, names
+    def __init__(self, runner: PieceRunner, names: Mapping[Window, str]) -> None:
+        self._runner, self._names = runner, names
         self._last: tuple[Window, WindowBodies] | None = None
 
     def frames(self, start: int, stop: int) -> WindowBodies:
@@ -225,7 +241,7 @@ class _StoredBodies:
             first, last = max(window.start, start) - window.start, min(window.stop, stop) - window.start
             if first < last:
                 if self._last is None or self._last[0] != window:
-                    self._last = window, self._folder.load(self._names[window])
+                    self._last = window, self._runner.result(self._names[window])
                 layer, some = self._last[1]
                 layers.append(layer.frames(first, last))
                 poses.append(some.frames(first, last))

@@ -220,9 +220,10 @@ class History:
         The frames between them without an observation hold predictions.
         """
         s = self.settings
-        earliest = self._blocks[-2].first if len(self._blocks) > 1 else self._blocks[-1].first
+        # The blocks that are open hold at least these frames, wherever the history begins.
+        since_s = self.time_s[here] - _BLOCK_S
         by_place = {self.place(each.number): each for each in past if each.number >= self.numbers[0]}
-        by_place = {place: each for place, each in by_place.items() if place >= earliest}
+        by_place = {place: each for place, each in by_place.items() if self.time_s[place] >= since_s}
         if not by_place:
             return False
         state, last_seen_s = select_states(by_place[min(by_place)].state, [0]), 0.0

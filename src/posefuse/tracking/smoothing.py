@@ -251,11 +251,10 @@ def _smooth_run(
     first, last, following = (int(np.searchsorted(run.places, place)) for place in piece.span)
     if settings.options.smoother == "none":
         return piece.describe(run.within(*piece.span[:2]).state, None), None, None
-    if priors is not None and last > first and len(piece.runs) == 1:
-        # Fitted poses depend on where the fit begins by a tenth of their uncertainty, so the states of the filter do.
-        fitted = piece.fit(run.state, run)
+    if priors is not None and last > first:
+        fitted, begins = _fit_run(piece, run, later)
         if fitted is not None:
-            return _describe_fitted(piece, fitted, slice(first, last)), None, None
+            return _describe_fitted(piece, fitted, slice(first, last)), None, begins
     window = refilter_run(run, piece.window, settings)
     rest = window.after(min(following, last - 1)).copy() if last else None
     begin = 0 if priors is not None else first
@@ -263,15 +262,22 @@ def _smooth_run(
     means_only = piece.only_points and len(piece.runs) == 1
     states = _smoothed_by(window.after(begin).state, run.time_s[begin:], later, settings, means_only)
     begins = _LaterRun(run, select_states(states, [0])) if run.fresh and first == 0 else None
-    fitted = None
-    if priors is not None and last > first:
-        fitted = piece.fit(states, run.frames(begin, len(run)))
     own = slice(first - begin, last - begin)
-    if fitted is None:
-        body = piece.describe(State(*(each[own] for each in states)), window.information[first:last])
-    else:
-        body = _describe_fitted(piece, fitted, own)
-    return body, rest, begins
+    return piece.describe(State(*(each[own] for each in states)), window.information[first:last]), rest, begins
+
+
+def _fit_run(piece: _TrackPiece, run: Run, later: "_LaterRun | None") -> tuple[State | None, "_LaterRun | None"]:
+    """Return the fitted poses of a run, or None, and the person's first state if the filter was initialized with it.
+
+    They depend on the frames of the piece alone, so that a recording can be divided anywhere.
+    """
+    if len(piece.runs) == 1:
+        # Fitted poses depend on where the fit begins by a tenth of their uncertainty, so the states of the filter do.
+        return piece.fit(run.state, run), None
+    again = refilter_run(run, None, piece.settings).state
+    states = _smoothed_by(again, run.time_s, later, piece.settings)
+    begins = _LaterRun(run, select_states(states, [0])) if run.fresh and run.places[0] >= piece.span[0] else None
+    return piece.fit(states, run), begins
 
 
 def _describe_fitted(piece: _TrackPiece, fitted: State, frames: slice) -> SmoothedBodies:

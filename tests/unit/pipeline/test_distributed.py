@@ -16,6 +16,7 @@ from posefuse.model.frames import Frame
 from posefuse.model.options.alignment import AlignOptions
 from posefuse.model.options.options import Options
 from posefuse.model.options.postprocess import PostprocessOptions
+from posefuse.model.options.tracking_stages import InitiationOptions
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.pipeline.diagnose import check_recording
 from posefuse.pipeline.distributed import (
@@ -67,6 +68,17 @@ def without_frames(detections: Detections, first: int, last: int) -> Detections:
     return replace(detections, recorded=recorded, time_s=time_s, offsets=offsets, **detections.rows(rows))
 
 
+def without_people(detections: Detections, spans: Sequence[tuple[int, int]]) -> Detections:
+    """Return detections without people in some frames, which all views recorded."""
+    counts = np.array(detections.people_counts)
+    shown = np.ones(counts.shape, dtype=bool)
+    for start, stop in spans:
+        shown[start:stop] = False
+    rows = np.flatnonzero(np.repeat(shown.ravel(), counts.ravel()))
+    offsets = np.concatenate([[0], np.cumsum(np.where(shown, counts, 0))])
+    return replace(detections, offsets=offsets, **detections.rows(rows))
+
+
 def check_same(whole: Reconstruction, pieces: Reconstruction) -> None:
     """Tracks, events, all layers and poses are bitwise equal."""
     assert pieces.person_ids == whole.person_ids
@@ -89,6 +101,34 @@ def test_people_of_two_windows_equal_those_of_one_run(tmp_path):
     check_same(whole, pieces)
     assert any("in 2 windows" in note for note in pieces.provenance.notes)
     assert list((tmp_path / "x").glob("*.todo")) == []
+
+
+@pytest.mark.parametrize(("lost", "chunk", "initiation"), [
+    # Lost before the wider range of the second window begins, and again after the border.
+    ([(60, 75), (440, 455)], 400, InitiationOptions()),
+    # Confirmed after more time than the history keeps frames open.
+    ([(0, 430)], 64, InitiationOptions(min_age_s=7.0, max_age_s=9.0)),
+])  # fmt: skip
+def test_bodies_of_a_window_do_not_depend_on_the_frames_before(tmp_path, lost, chunk, initiation):
+    scene = simulate_people(60.0, 1, 3, rate_hz=10.0)
+    options = Options(people="many", solve="frame", noise_scale_px=14.0, pairs="labels", chunk_frames=chunk)
+    options = replace(options, tracker=replace(options.tracker, initiation=initiation))
+    scene = replace(scene, detections=without_people(scene.detections, lost))
+    whole = reconstruct(scene.rig, scene.detections, options)
+    check_same(whole, distributed(scene, options, tmp_path / "x", 0.1 * chunk))
+    assert whole.person_ids
+    assert len(list((tmp_path / "x").glob("tracker_*.part"))) > 1
+
+
+def test_missing_result_of_a_worker_is_named(tmp_path):
+    scene = simulate_people(4.0, 1, 3)
+
+    def fails_to_store(work: Callable[[Path], None], pieces: Sequence[Path]) -> None:
+        run_here(work, pieces)
+        (pieces[-1].parent / "bodies_00000.part").unlink(missing_ok=True)
+
+    with pytest.raises(FileError, match="The result bodies_00000 of a worker is missing in .* Run the same command"):
+        distributed(scene, Options(people="many", noise_scale_px=14.0), tmp_path / "x", 4.0, fails_to_store)
 
 
 def test_interrupted_tracking_promises_no_partial_result(tmp_path, monkeypatch):

@@ -7,7 +7,6 @@ run does, so that fitted bodies are the same. Other bodies, hands and faces depe
 """
 
 import itertools
-import math
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -54,26 +53,29 @@ WindowBodies = tuple[Layer, Poses]
 """The model layer and the poses of a window, without the frames around it."""
 
 
-def windows_of(n_frames: int, rate_hz: float, window_s: float, options: Options) -> list[Window]:
+def windows_of(times_s: np.ndarray, rate_hz: float, window_s: float, options: Options) -> list[Window]:
     """Divide a recording into windows of nearly equal length, which begin where a chunk does.
 
     Args:
-        n_frames: number of frames of the recording.
-        rate_hz: frame rate.
+        times_s: shape (frame,): times of the frames of the recording.
+        rate_hz: typical frame rate.
         window_s: approximate length of a window.
         options: options of the reconstruction, which define the chunks and how far later frames influence bodies.
     """
-    chunk, tracker = options.chunk_frames, options.tracker
+    n_frames, chunk, tracker = len(times_s), options.chunk_frames, options.tracker
     number = max(round(n_frames / (window_s * rate_hz)), 1)
     after_s = _CONFIRMED_AFTER_S + tracker.look_ahead_s + tracker.fix_shape_after_s
     before_s = max(_BEFORE_S, tracker.look_ahead_s)
-    before, after = (math.ceil(time_s * rate_hz) for time_s in (before_s, after_s))
     # The smoother works chunk by chunk, and what it finds depends on their borders.
     inner = np.unique(np.linspace(0, n_frames / chunk, number + 1)[1:-1].round().astype(int)) * chunk
     bounds = [0, *(place for place in inner.tolist() if 0 < place < n_frames), n_frames]
+    # By times, because the frame rate may vary.
+    latest_s = np.maximum.accumulate(times_s)
+    firsts = np.searchsorted(latest_s, latest_s[bounds[:-1]] - before_s).tolist()
+    lasts = np.searchsorted(latest_s, latest_s[np.array(bounds[1:]) - 1] + after_s, side="right").tolist()
     return [
-        Window(max(start - before, 0), start, stop, min(stop + after, n_frames))
-        for start, stop in itertools.pairwise(bounds)
+        Window(first, start, stop, last)
+        for first, (start, stop), last in zip(firsts, itertools.pairwise(bounds), lasts, strict=True)
     ]
 
 

@@ -17,20 +17,27 @@ from tests.properties import examples
 
 
 @given(
-    st.integers(1, 5000), st.floats(5.0, 120.0), st.floats(0.5, 100.0), st.floats(0.01, 40.0), st.integers(1, 600)
+    st.integers(1, 5000), st.floats(5.0, 120.0), st.floats(0.5, 100.0), st.floats(0.01, 40.0), st.integers(1, 600),
+    st.integers(0, 99),
 )  # fmt: skip
 @examples(100)
-def test_windows_cover_the_recording_and_the_frames_that_influence_bodies(n, rate_hz, window_s, look_ahead_s, chunk):
+def test_windows_cover_the_recording_and_the_frames_that_influence_bodies(
+    n, rate_hz, window_s, look_ahead_s, chunk, seed
+):
+    """At a frame rate that varies by a factor of 100."""
+    steps_s = np.exp(np.random.default_rng(seed).uniform(-2.3, 2.3, n)) / rate_hz
+    times_s = np.cumsum(steps_s)
     actual = windows_of(
-        n, rate_hz, window_s, Options(chunk_frames=chunk, tracker=TrackerOptions(look_ahead_s=look_ahead_s))
+        times_s, rate_hz, window_s, Options(chunk_frames=chunk, tracker=TrackerOptions(look_ahead_s=look_ahead_s))
     )
     assert [each.start for each in actual] == [0, *(each.stop for each in actual[:-1])]
     assert actual[-1].stop == n
     for each in actual:
         assert 0 <= each.first <= each.start < each.stop <= each.last <= n
         assert each.start % chunk == 0
-        assert each.first == 0 or each.start - each.first >= max(30.0, look_ahead_s) * rate_hz
-        assert each.last == n or each.last - each.stop >= look_ahead_s * rate_hz
+        before_s, after_s = max(30.0, look_ahead_s), look_ahead_s + 10.0
+        assert each.first == 0 or times_s[each.first - 1] < times_s[each.start] - before_s
+        assert each.last == n or times_s[each.last] > times_s[each.stop - 1] + after_s
         assert abs((each.stop - each.start) - n / len(actual)) <= max(chunk, 0.5 * n / len(actual)) + 1
 
 
