@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import h5netcdf
 import h5py
@@ -25,6 +25,36 @@ CHUNK_FRAMES = 256
 
 _SEPARATE, _POINT_AXES = ("space", "covariance_entry", "view"), 3
 """Last axes whose elements are compressed separately in arrays with more axes than frame, person and keypoint."""
+
+
+class OutputFile(h5netcdf.File):
+    """A netCDF file to write, whose variables stay open in HDF5 until it is closed.
+
+    HDF5 places the parts of a variable when its last handle is closed. Other threads can hold a handle of this one for
+    a moment, such as those that sample what workers of a cluster do; the bytes of the file would depend on that.
+
+    Args:
+        path: the file.
+        mode: "w" to create it, or "r+" to add to it.
+    """
+
+    def __init__(self, path: Path, mode: Literal["w", "r+"] = "w") -> None:
+        self._handles: list[h5py.Dataset] = []
+        super().__init__(path, mode)
+        for name in (*self.dimensions, *self.variables):
+            self.keep_open(name)
+
+    def keep_open(self, name: str) -> None:
+        """Keep a variable, or the place of a dimension, open."""
+        file = cast("h5py.File", self._h5file)
+        if name in file:
+            self._handles.append(cast("h5py.Dataset", file[name]))
+
+    def add_dimensions(self, sizes: Mapping[str, int | None]) -> None:
+        """Add dimensions of these sizes, None for one that grows."""
+        for name, size in sizes.items():
+            self.dimensions[name] = size
+            self.keep_open(name)
 
 
 class StoredArray(LazyArray):
@@ -113,7 +143,7 @@ def _attribute(file: h5netcdf.File, name: str) -> Any:
 
 
 def add_variable(
-    file: h5netcdf.File,
+    file: OutputFile,
     name: str,
     dimensions: tuple[str, ...],
     data: np.ndarray | None = None,
@@ -123,7 +153,7 @@ def add_variable(
     """Create a variable over existing dimensions.
 
     Args:
-        file: Open for writing.
+        file: The file.
         name: Name of the variable.
         dimensions: Names of existing dimensions. Long variables are compressed in chunks along the first; each
             coordinate, covariance entry and view has chunks of its own, because its values resemble each other.
@@ -136,6 +166,7 @@ def add_variable(
     """
     if data is not None and np.asarray(data).dtype.kind in "UO":
         variable = file.create_variable(name, dimensions, dtype=h5py.string_dtype())
+        file.keep_open(name)
         check_texts(np.asarray(data).ravel().tolist())
         variable[...] = np.asarray(data, dtype=object)
     else:
@@ -149,6 +180,7 @@ def add_variable(
                 chunks = (*chunks[:-1], 1)
             packed = {"chunks": chunks, "compression": "gzip", "compression_opts": 1, "shuffle": True}
         variable = file.create_variable(name, dimensions, dtype=kind, **packed)
+        file.keep_open(name)
         if data is not None:
             variable[...] = data
     if data is not None:
@@ -158,12 +190,8 @@ def add_variable(
     return variable
 
 
-def write_rows(file: h5netcdf.File, name: str, start: int, values: np.ndarray) -> None:
-    """Write rows of a variable from index ``start`` on.
-
-    Rows are in the file in the order in which they are written. Without the flush, their place would depend on when
-    Python collects objects that keep a variable open, and so on what the process did before.
-    """
+def write_rows(file: OutputFile, name: str, start: int, values: np.ndarray) -> None:
+    """Write rows of a variable from index ``start`` on; they are in the file in the order in which they are written."""
     variable = file.variables[name]
     variable[start : start + len(values)] = values
     variable._h5ds.flush()

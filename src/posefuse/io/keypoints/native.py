@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import h5netcdf
 import numpy as np
 
 from posefuse.errors import FileError
@@ -10,6 +9,7 @@ from posefuse.io.files import reading, replacing
 from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.request import Request, apply_request
 from posefuse.io.netcdf import (
+    OutputFile,
     add_variable,
     number_of,
     open_file,
@@ -70,20 +70,22 @@ def write(detections: Detections, path: Path) -> None:
         FileError: If the file cannot be written.
     """
     rows = int(detections.offsets[-1])
-    with replacing(path) as temporary, h5netcdf.File(temporary, "w") as file:
+    with replacing(path) as temporary, OutputFile(temporary) as file:
         file.attrs["posefuse_kind"] = KIND
         file.attrs["skeleton"] = skeleton_text(detections.skeleton)
         if detections.rate_hz is not None:
             file.attrs["rate_hz"] = float(detections.rate_hz)
-        file.dimensions = {
-            "frame": detections.n_frames,
-            "view": detections.n_views,
-            "cell": len(detections.offsets),
-            "row": rows,
-            "keypoint": len(detections.skeleton),
-            "pixel": 2,
-            "note": len(detections.notes),
-        }
+        file.add_dimensions(
+            {
+                "frame": detections.n_frames,
+                "view": detections.n_views,
+                "cell": len(detections.offsets),
+                "row": rows,
+                "keypoint": len(detections.skeleton),
+                "pixel": 2,
+                "note": len(detections.notes),
+            }
+        )
         add_variable(file, "view", ("view",), np.array(detections.view_names))
         add_variable(file, "keypoint", ("keypoint",), np.array(detections.skeleton.keypoints))
         add_variable(file, "frame_number", ("frame",), detections.frame_numbers)

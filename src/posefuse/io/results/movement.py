@@ -11,14 +11,13 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
-import h5netcdf
 import h5py
 import numpy as np
 
 from posefuse.errors import FileError, choices
 from posefuse.io.files import must_exist, replacing
 from posefuse.io.hdf5 import open_hdf5
-from posefuse.io.netcdf import add_variable, strings, write_rows
+from posefuse.io.netcdf import OutputFile, add_variable, strings, write_rows
 from posefuse.io.results.format import ResultFormat
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import COVARIANCE_ENTRIES, Layer, Reconstruction
@@ -44,7 +43,7 @@ def write(result: Reconstruction, path: Path, layer: LayerName, progress: Progre
     """Write one layer of all people."""
     has_times = bool(np.isfinite(result.time_s).all())
     parts = report_ranges(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent())
-    with replacing(path) as temporary, h5netcdf.File(temporary, "w") as file:
+    with replacing(path) as temporary, OutputFile(temporary) as file:
         _write_head(file, result, layer, has_times)
         start = 0
         for part in parts:
@@ -66,7 +65,7 @@ def _transposed(layer: Layer, attribute: str, axes: int) -> np.ndarray:
     return values.transpose(0, 2, 1) if axes == 3 else values.transpose(0, 3, 2, 1)
 
 
-def _write_head(file: h5netcdf.File, result: Reconstruction, layer: LayerName, has_times: bool) -> None:
+def _write_head(file: OutputFile, result: Reconstruction, layer: LayerName, has_times: bool) -> None:
     file.attrs.update({"ds_type": _TYPE, "source_software": "posefuse", "source_file": result.rig.source})
     file.attrs.update({"time_unit": "seconds" if has_times else "frames", "layer": layer, "unit": result.unit})
     if result.rate_hz is not None:
@@ -78,7 +77,7 @@ def _write_head(file: h5netcdf.File, result: Reconstruction, layer: LayerName, h
         "view": result.rig.names,
         "covariance_entry": COVARIANCE_ENTRIES,
     }
-    file.dimensions = {"time": None, **{axis: len(values) for axis, values in names.items()}}
+    file.add_dimensions({"time": None, **{axis: len(values) for axis, values in names.items()}})
     add_variable(file, "time", ("time",), dtype="f8" if has_times else "i8")
     add_variable(file, "frame_number", ("time",), dtype="i8")
     for axis, values in names.items():

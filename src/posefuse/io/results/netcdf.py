@@ -26,6 +26,7 @@ from posefuse.arguments import checked
 from posefuse.errors import FileError
 from posefuse.io.files import must_exist, reading, replacing
 from posefuse.io.netcdf import (
+    OutputFile,
     add_variable,
     number_of,
     open_file,
@@ -74,7 +75,7 @@ def write(parts: Iterable[Reconstruction], path: Path) -> None:
         parts: at least one range; fields that do not depend on the frame come from the first one.
         path: output file; created only once all parts are written.
     """
-    with replacing(path) as temporary, h5netcdf.File(temporary, "w") as file:
+    with replacing(path) as temporary, OutputFile(temporary) as file:
         start = 0
         events: dict[Event, None] = {}
         for part in parts:
@@ -169,28 +170,32 @@ def _check_version(path: Path, version: int) -> None:
         )
 
 
-def _write_head(file: h5netcdf.File, first: Reconstruction) -> None:
+def _write_head(file: OutputFile, first: Reconstruction) -> None:
     _write_attributes(file, first)
-    file.dimensions = {
-        "time": None,
-        "individual": len(first.person_ids),
-        "keypoint": len(first.skeleton),
-        "space": 3,
-        "view": len(first.rig),
-        "covariance_entry": 6,
-        "row": 3,
-        "column": 3,
-        "pose_row": 4,
-        "pose_column": 4,
-        "coefficient": 8,
-        "image_axis": 2,
-    }
+    file.add_dimensions(
+        {
+            "time": None,
+            "individual": len(first.person_ids),
+            "keypoint": len(first.skeleton),
+            "space": 3,
+            "view": len(first.rig),
+            "covariance_entry": 6,
+            "row": 3,
+            "column": 3,
+            "pose_row": 4,
+            "pose_column": 4,
+            "coefficient": 8,
+            "image_axis": 2,
+        }
+    )
     add_variable(file, "time", ("time",), dtype="f8", units="s")
     add_variable(file, "frame_number", ("time",), dtype="i8")
     add_variable(file, "individual", ("individual",), np.array(first.person_ids))
     add_variable(file, "keypoint", ("keypoint",), np.array(first.skeleton.keypoints))
     add_variable(file, "space", ("space",), np.array(["x", "y", "z"]))
     add_variable(file, "covariance_entry", ("covariance_entry",), np.array(COVARIANCE_ENTRIES))
+    # Before the variables over the cameras: a dimension that is in use would be replaced by its variable.
+    write_rig(file, first.rig)
     if not first.options.sync.does_nothing:
         add_variable(file, "retimed", ("time", "view"), dtype="i1")
     for layer in first.layers:
@@ -200,7 +205,7 @@ def _write_head(file: h5netcdf.File, first: Reconstruction) -> None:
         add_variable(file, "track_detection", ("time", "individual", "view"), dtype="i4")
         add_variable(file, "track_state", ("time", "individual"), dtype="i1", **_attributes("", "", TrackState))
     if first.swaps is not None:
-        file.dimensions["chain"] = len(first.swaps.chains)
+        file.add_dimensions({"chain": len(first.swaps.chains)})
         add_variable(file, "chain", ("chain",), np.array(first.swaps.chains))
         axes = ("time", "individual", "view", "chain")
         add_variable(file, "chain_swapped", axes, dtype="i1", **_attributes("", "", SwapState))
@@ -210,10 +215,9 @@ def _write_head(file: h5netcdf.File, first: Reconstruction) -> None:
         netcdf_angles.create(file, first.joint_angles)
     if first.noise is not None:
         _write_noise(file, first.noise)
-    write_rig(file, first.rig)
 
 
-def _write_attributes(file: h5netcdf.File, first: Reconstruction) -> None:
+def _write_attributes(file: OutputFile, first: Reconstruction) -> None:
     file.attrs["posefuse_kind"] = KIND
     file.attrs["format_version"] = FORMAT_VERSION
     file.attrs["unit"] = first.unit
@@ -231,7 +235,7 @@ def _write_attributes(file: h5netcdf.File, first: Reconstruction) -> None:
         file.attrs["alignment"] = alignment_to_json(first.alignment)
 
 
-def _write_noise(file: h5netcdf.File, noise: NoiseModel) -> None:
+def _write_noise(file: OutputFile, noise: NoiseModel) -> None:
     file.attrs["noise_exponent"] = float(noise.exponent)
     file.attrs["noise_origin"] = noise.origin
     file.attrs["noise_spread"] = float(noise.spread)
@@ -248,7 +252,7 @@ def _attributes(name: str, unit: str, codes: type[IntEnum] | None) -> dict[str, 
     return {"units": {"position": unit, "covariance": f"{unit}2"}.get(name, "px"), "precision": PRECISION[name]}
 
 
-def _append(file: h5netcdf.File, part: Reconstruction, start: int) -> None:
+def _append(file: OutputFile, part: Reconstruction, start: int) -> None:
     stop = start + part.n_frames
     file.resize_dimension("time", stop)
     write_rows(file, "time", start, part.time_s)
@@ -274,11 +278,11 @@ def _append(file: h5netcdf.File, part: Reconstruction, start: int) -> None:
         netcdf_angles.append(file, part.joint_angles, start)
 
 
-def _create_pose_variables(file: h5netcdf.File, poses: Poses) -> None:
+def _create_pose_variables(file: OutputFile, poses: Poses) -> None:
     """Create the variables of articulated poses, and write the segment lengths."""
     dimensions = {"segment": poses.segments, "bone": poses.bones, "length": poses.shape_names, "angle": poses.angles}
     for axis, names in dimensions.items():
-        file.dimensions[f"pose_{axis}"] = len(names)
+        file.add_dimensions({f"pose_{axis}": len(names)})
         add_variable(file, f"pose_{axis}", (f"pose_{axis}",), np.array(names, dtype=object))
     add_variable(file, "pose_turn", ("time", "individual", "pose_segment", "row", "column"), dtype="f8", units="1")
     add_variable(file, "pose_direction", ("time", "individual", "pose_bone", "space"), dtype="f8", units="1")
@@ -310,10 +314,10 @@ def _read_poses(file: h5netcdf.File, path: Path) -> Poses | None:
     return Poses(segments, bones, lengths, angles, turns, directions, sds, root, nis, dof, shape_m, shape_sd_m)
 
 
-def _write_events(file: h5netcdf.File, events: tuple[Event, ...]) -> None:
+def _write_events(file: OutputFile, events: tuple[Event, ...]) -> None:
     if not events:
         return
-    file.dimensions["event"] = len(events)
+    file.add_dimensions({"event": len(events)})
     add_variable(file, "event_frame", ("event",), np.array([event.number for event in events], dtype=np.int64))
     add_variable(file, "event_time", ("event",), np.array([event.time_s for event in events]), units="s")
     for name in ("person", "what", "why"):

@@ -7,7 +7,7 @@ from typing import Any
 import h5netcdf
 import numpy as np
 
-from posefuse.io.netcdf import add_variable, stored_array, strings, text_of, write_rows
+from posefuse.io.netcdf import OutputFile, add_variable, stored_array, strings, text_of, write_rows
 from posefuse.io.results.rounding import rounded_angles
 from posefuse.model.joint_angles import AngleStatus, JointAngles
 
@@ -20,9 +20,9 @@ _VARIABLES: dict[str, tuple[str, tuple[str, ...], str, str]] = {
 }
 
 
-def create(file: h5netcdf.File, angles: JointAngles) -> None:
+def create(file: OutputFile, angles: JointAngles) -> None:
     """Create the variables."""
-    file.dimensions["joint_angle_name"] = len(angles.names)
+    file.add_dimensions({"joint_angle_name": len(angles.names)})
     for name, values in (("joint_angle_name", angles.names), ("joint_angle_convention", angles.conventions)):
         add_variable(file, name, ("joint_angle_name",), np.array(values, dtype=object))
     for name, axes, kind, unit in _VARIABLES.values():
@@ -31,7 +31,7 @@ def create(file: h5netcdf.File, angles: JointAngles) -> None:
     file.attrs["joint_angle_layer"] = angles.layer
 
 
-def append(file: h5netcdf.File, angles: JointAngles, start: int) -> None:
+def append(file: OutputFile, angles: JointAngles, start: int) -> None:
     """Write a range of frames from index ``start`` on."""
     for attribute, (name, *_) in _VARIABLES.items():
         write_rows(file, name, start, getattr(angles, attribute)[:])
@@ -48,7 +48,7 @@ def add(parts: Iterable[JointAngles], path: Path) -> None:
     try:
         for part in parts:
             if file is None:
-                file = h5netcdf.File(path, "r+")
+                file = OutputFile(path, "r+")
                 create(file, part)
             append(file, rounded_angles(part), start)
             start += len(part.status)

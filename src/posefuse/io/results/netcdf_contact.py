@@ -11,7 +11,7 @@ import h5netcdf
 import numpy as np
 
 from posefuse.io.files import reading
-from posefuse.io.netcdf import add_variable, write_rows
+from posefuse.io.netcdf import OutputFile, add_variable, write_rows
 
 
 def add_contact(path: Path, contact: np.ndarray, sliding: np.ndarray, layer: str) -> None:
@@ -23,9 +23,8 @@ def add_contact(path: Path, contact: np.ndarray, sliding: np.ndarray, layer: str
         sliding: shape (frame, person, 2).
         layer: name of the layer.
     """
-    with h5netcdf.File(path, "a") as file:
-        file.dimensions["foot"] = 2
-        file.dimensions["foot_part"] = 2
+    with OutputFile(path, "r+") as file:
+        file.add_dimensions({"foot": 2, "foot_part": 2})
         add_variable(file, "foot", ("foot",), np.array(["left", "right"], dtype=object))
         add_variable(file, "foot_part", ("foot_part",), np.array(["heel", "toes"], dtype=object))
         axes = ("time", "individual", "foot")

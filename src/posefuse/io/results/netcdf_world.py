@@ -7,13 +7,13 @@ from typing import Any
 import h5netcdf
 import numpy as np
 
-from posefuse.io.netcdf import add_variable, number_of, strings, text_of
+from posefuse.io.netcdf import OutputFile, add_variable, number_of, strings, text_of
 from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import Camera, CameraRig, LensModel
 from posefuse.model.up_axis import InferredUp
 
 
-def write_rig(file: h5netcdf.File, rig: CameraRig) -> None:
+def write_rig(file: OutputFile, rig: CameraRig) -> None:
     """Write the cameras and the up axis of a result."""
     if rig.up_axis is not None:
         file.attrs["up_axis"] = rig.up_axis

@@ -1,17 +1,19 @@
 """NetCDF results."""
 
 from dataclasses import fields, replace
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 import xarray
+from h5py._hl.base import HLObject
 
 import posefuse
 from posefuse.arrays import same
 from posefuse.errors import FileError
-from posefuse.io.netcdf import CHUNK_FRAMES, StoredArray, add_variable, skeleton_from_text, skeleton_text
-from posefuse.io.results import netcdf
+from posefuse.io.netcdf import CHUNK_FRAMES, StoredArray, skeleton_from_text, skeleton_text
+from posefuse.io.results import netcdf, netcdf_angles, netcdf_contact
 from posefuse.io.results.rounding import rounded
 from posefuse.io.results.write import write_folder
 from posefuse.model.label_swaps import Swaps
@@ -58,21 +60,35 @@ class TestNetcdf:
             posefuse.write(frame_result, tmp_path / name)
         assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
 
-    def test_bytes_do_not_depend_on_open_variables(self, frame_result, tmp_path, monkeypatch):
-        """Python may collect the objects that keep variables open at any time, or not before the file is closed."""
-        netcdf.write(frame_result.chunks(4), tmp_path / "a.nc")
-        kept = []
+    @pytest.mark.parametrize("seed", range(4))
+    def test_bytes_do_not_depend_on_handles_that_others_hold(self, frame_result, tmp_path, monkeypatch, seed):
+        """A thread that samples the stack holds handles for a moment; the collector may free them at any time."""
 
-        def kept_open(file, name, *arguments, **more):
-            variable = add_variable(file, name, *arguments, **more)
-            if name in ("measured_status", "measured_position"):
-                kept.append(variable._h5ds)
-            return variable
+        def write(path: Path) -> bytes:
+            netcdf.write(replace(frame_result, joint_angles=None).chunks(4), path)
+            netcdf_angles.add([frame_result.joint_angles], path)
+            shape = frame_result.n_frames, len(frame_result.person_ids), 2
+            netcdf_contact.add_contact(path, np.zeros((*shape, 2)), np.zeros(shape), "measured")
+            return path.read_bytes()
 
-        monkeypatch.setattr(netcdf, "add_variable", kept_open)
-        netcdf.write(frame_result.chunks(4), tmp_path / "b.nc")
-        assert len(kept) == 2
-        assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
+        expected = write(tmp_path / "a.nc")
+        held: list[object] = []
+        n_held = 0
+        rng, open_handle = np.random.default_rng(seed), HLObject.__init__
+
+        def hold_some(self: HLObject, handle: object) -> None:
+            nonlocal n_held
+            open_handle(self, handle)
+            if not isinstance(handle, h5py.h5f.FileID) and rng.random() < 0.2:
+                held.append(handle)
+                n_held += 1
+            if held and rng.random() < 0.2:
+                del held[int(rng.integers(len(held)))]
+
+        monkeypatch.setattr(HLObject, "__init__", hold_some)
+        actual = write(tmp_path / "b.nc")
+        assert n_held > 100
+        assert actual == expected
 
     def test_result_without_optional_fields_round_trips(self, frame_result, tmp_path):
         bare = replace(frame_result, tracks=None, noise=None, rate_hz=None, rig=replace(frame_result.rig, up_axis=None))
