@@ -44,7 +44,7 @@ class _Where:
 
     jobs: Annotated[
         JobCount | None,
-        Parameter(help="Number of processes, or auto for the physical cores; by default one per processor."),
+        Parameter(help="Number of processes: by default one per logical core; auto takes one per physical core."),
     ] = None
     scheduler: Annotated[
         str | None,

@@ -81,14 +81,14 @@ def sync(
         warn(sentence)
     if found.timings:
         say_verdict(found.findings)
-    if found.sync.does_nothing:
-        say("Nothing to correct; no file was written.")
-        return
     if again:
-        say("These offsets remain after the correction. A complete file is written without --sync.")
+        remains = "Nothing remains" if found.sync.does_nothing else "These offsets remain"
+        say(f"{remains} after the correction. A complete file is written without --sync.")
         return
     with replacing(output) as temporary:
         temporary.write_text(sync_to_toml(found.sync), "utf-8")
+    if found.sync.does_nothing:
+        say("Nothing to correct.")
     note(f"Wrote {output}")
     say(f"Use it: posefuse reconstruct RECORDING --sync {output}")
 
