@@ -118,6 +118,8 @@ def evaluate(
         return
     opened = read_comparable(must_exist(result, "result"), length_unit)
     path, reconstruction = opened.path, opened.content
+    for file in truth:
+        must_exist(file, "ground truth")
     target = numbers.json_file or path.parent / "evaluation.json"
     check_new_files([target], overwrite=numbers.overwrite, target="--json")
     reconstruction = replace(reconstruction, options=replace(reconstruction.options, layer=layer))
