@@ -40,7 +40,8 @@ class OutputFile(h5netcdf.File):
 
     def __init__(self, path: Path, mode: Literal["w", "r+"] = "w") -> None:
         self._handles: list[h5py.Dataset] = []
-        super().__init__(path, mode)
+        # Each open variable would keep a megabyte of chunks that are written already.
+        super().__init__(path, mode, rdcc_nbytes=0)
         for name in (*self.dimensions, *self.variables):
             self.keep_open(name)
 
