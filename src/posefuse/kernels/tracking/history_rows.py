@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from posefuse.kernels.jit import kernel
+from posefuse.kernels.jit import kernel, subroutine
 from posefuse.kernels.linear_algebra.triangles import pack_triangle
 
 _DROPPED_BITS = 20
@@ -85,6 +85,28 @@ class HistoryRows(NamedTuple):
     triangles: Any
 
 
+# Numba takes ten times as long to compile an assignment of slices, which it can broadcast.
+@subroutine
+def _copy_numbers(source, target):
+    for i in range(source.shape[0]):
+        target[i] = source[i]
+
+
+@subroutine
+def _copy_table(source, target):
+    for i in range(source.shape[0]):
+        for j in range(source.shape[1]):
+            target[i, j] = source[i, j]
+
+
+@subroutine
+def _copy_turns(source, target):
+    for i in range(source.shape[0]):
+        for j in range(3):
+            for k in range(3):
+                target[i, j, k] = source[i, j, k]
+
+
 @kernel
 def write_rows(first, heads, state, seen, out):
     """Write the rows of some people in one frame.
@@ -105,13 +127,13 @@ def write_rows(first, heads, state, seen, out):
         out.fresh[i] = heads.fresh[p]
         out.life[i] = heads.life[p]
         out.missing_s[i] = heads.missing_s[p]
-        out.rows[i] = seen.rows[p]
-        out.used[i] = seen.used[p]
-        out.root[i] = state.root[p]
-        out.turns[i] = state.turns[p]
-        out.bones[i] = state.bones[p]
-        out.shape[i] = state.shape[p]
-        out.velocity[i] = state.velocity[p]
+        _copy_numbers(seen.rows[p], out.rows[i])
+        _copy_table(seen.used[p], out.used[i])
+        _copy_numbers(state.root[p], out.root[i])
+        _copy_turns(state.turns[p], out.turns[i])
+        _copy_turns(state.bones[p], out.bones[i])
+        _copy_numbers(state.shape[p], out.shape[i])
+        _copy_numbers(state.velocity[p], out.velocity[i])
         out.free[i] = state.free[p]
         n_fixed = 0 if state.free[p] != 0 else state.shape.shape[1]
         size = state.covariance.shape[1] - n_fixed
