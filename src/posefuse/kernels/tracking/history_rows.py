@@ -5,8 +5,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from posefuse.kernels.jit import kernel, subroutine
+from posefuse.kernels.jit import kernel
 from posefuse.kernels.linear_algebra.triangles import pack_triangle
+from posefuse.kernels.tracking.update import copy_rotations, copy_vector
 
 _DROPPED_BITS = 20
 """Number of the last of the 52 stored binary digits of a covariance that are rounded away."""
@@ -85,28 +86,6 @@ class HistoryRows(NamedTuple):
     triangles: Any
 
 
-# Numba takes ten times as long to compile an assignment of slices, which it can broadcast.
-@subroutine
-def _copy_numbers(source, target):
-    for i in range(source.shape[0]):
-        target[i] = source[i]
-
-
-@subroutine
-def _copy_table(source, target):
-    for i in range(source.shape[0]):
-        for j in range(source.shape[1]):
-            target[i, j] = source[i, j]
-
-
-@subroutine
-def _copy_turns(source, target):
-    for i in range(source.shape[0]):
-        for j in range(3):
-            for k in range(3):
-                target[i, j, k] = source[i, j, k]
-
-
 @kernel
 def write_rows(first, heads, state, seen, out):
     """Write the rows of some people in one frame.
@@ -127,13 +106,13 @@ def write_rows(first, heads, state, seen, out):
         out.fresh[i] = heads.fresh[p]
         out.life[i] = heads.life[p]
         out.missing_s[i] = heads.missing_s[p]
-        _copy_numbers(seen.rows[p], out.rows[i])
-        _copy_table(seen.used[p], out.used[i])
-        _copy_numbers(state.root[p], out.root[i])
-        _copy_turns(state.turns[p], out.turns[i])
-        _copy_turns(state.bones[p], out.bones[i])
-        _copy_numbers(state.shape[p], out.shape[i])
-        _copy_numbers(state.velocity[p], out.velocity[i])
+        # Assigned slices would take five times as long to compile, because Numba broadcasts them.
+        copy_vector(seen.rows[p], out.rows[i])
+        copy_vector(state.root[p], out.root[i])
+        copy_rotations(state.turns[p], out.turns[i])
+        copy_rotations(state.bones[p], out.bones[i])
+        copy_vector(state.shape[p], out.shape[i])
+        copy_vector(state.velocity[p], out.velocity[i])
         out.free[i] = state.free[p]
         n_fixed = 0 if state.free[p] != 0 else state.shape.shape[1]
         size = state.covariance.shape[1] - n_fixed
@@ -142,6 +121,7 @@ def write_rows(first, heads, state, seen, out):
             # Half is rounded away from zero.
             bits[i, j] = (bits[i, j] + _HALF) & _KEPT
         for v in range(seen.rows.shape[1]):
+            copy_vector(seen.used[p, v], out.used[i, v])
             row = seen.matched[seen.track[p], v] if seen.track[p] >= 0 else -1
             for j in range(seen.node_keypoints.shape[0]):
                 label = seen.labels[seen.track[p], v, seen.node_keypoints[j]] if row >= 0 else -1

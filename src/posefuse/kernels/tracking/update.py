@@ -76,7 +76,7 @@ def _store_covariance(cov, posterior, cross, first, n, m):
 
 
 @inline
-def _copy(source, target):
+def copy_vector(source, target):
     """Copy a vector."""
     for i in range(target.shape[0]):
         target[i] = source[i]
@@ -94,10 +94,10 @@ def copy_rotations(source, target):
 @subroutine
 def _copy_pose(source, target):
     """Copy a pose and a shape."""
-    _copy(source.root, target.root)
+    copy_vector(source.root, target.root)
     copy_rotations(source.turns, target.turns)
     copy_rotations(source.bones, target.bones)
-    _copy(source.shape, target.shape)
+    copy_vector(source.shape, target.shape)
 
 
 @inline
@@ -206,14 +206,14 @@ def _iterate(observed, pose, cov, n, m, iterations, workspace):
             before = total
             damping /= _DAMPING_FACTOR
             copy_triangle(workspace.hessian, m, workspace.best_hessian)
-            _copy(workspace.gradient, workspace.best_gradient)
-            _copy(workspace.offset, workspace.best_offset)
+            copy_vector(workspace.gradient, workspace.best_gradient)
+            copy_vector(workspace.offset, workspace.best_offset)
             _copy_pose(pose, workspace.best_pose)
         else:
             # The cost rose: return to the best pose and take a shorter step.
             damping = max(_DAMPING, damping * _DAMPING_FACTOR)
             _copy_pose(workspace.best_pose, pose)
-            _copy(workspace.best_offset, workspace.offset)
+            copy_vector(workspace.best_offset, workspace.offset)
         if iteration == iterations:
             break
         size = _damped_step(
