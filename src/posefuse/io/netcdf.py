@@ -30,8 +30,8 @@ _SEPARATE, _POINT_AXES = ("space", "covariance_entry", "view"), 3
 class OutputFile(h5netcdf.File):
     """A netCDF file to write, whose variables stay open in HDF5 until it is closed.
 
-    HDF5 places the parts of a variable when its last handle is closed. Other threads can hold a handle of this one for
-    a moment, such as those that sample what workers of a cluster do; the bytes of the file would depend on that.
+    HDF5 allocates some parts of a variable when its last handle is closed. Another thread that samples the stack of
+    this one, such as a profiler, can keep a handle open for a moment, and the bytes of the file would depend on that.
 
     Args:
         path: the file.
@@ -39,23 +39,27 @@ class OutputFile(h5netcdf.File):
     """
 
     def __init__(self, path: Path, mode: Literal["w", "r+"] = "w") -> None:
-        self._handles: list[h5py.Dataset] = []
-        # Each open variable would keep a megabyte of chunks that are written already.
+        self._handles: list[Any] = []
+        # By default, each open variable would keep a megabyte of chunks that are written already.
         super().__init__(path, mode, rdcc_nbytes=0)
         for name in (*self.dimensions, *self.variables):
-            self.keep_open(name)
+            self._keep_open(name)
 
-    def keep_open(self, name: str) -> None:
-        """Keep a variable, or the place of a dimension, open."""
-        file = cast("h5py.File", self._h5file)
-        if name in file:
-            self._handles.append(cast("h5py.Dataset", file[name]))
+    def create_variable(self, name: str, *arguments: Any, **more: Any) -> Any:
+        """Create a variable, with the arguments of h5netcdf, and keep it open."""
+        variable = super().create_variable(name, *arguments, **more)
+        self._keep_open(name)
+        return variable
 
     def add_dimensions(self, sizes: Mapping[str, int | None]) -> None:
         """Add dimensions of these sizes, None for one that grows."""
         for name, size in sizes.items():
             self.dimensions[name] = size
-            self.keep_open(name)
+            self._keep_open(name)
+
+    def _keep_open(self, name: str) -> None:
+        """Keep open the HDF5 dataset of a variable, or that of a dimension without a variable."""
+        self._handles.append(cast("h5py.File", self._h5file)[name])
 
 
 class StoredArray(LazyArray):
@@ -167,7 +171,6 @@ def add_variable(
     """
     if data is not None and np.asarray(data).dtype.kind in "UO":
         variable = file.create_variable(name, dimensions, dtype=h5py.string_dtype())
-        file.keep_open(name)
         check_texts(np.asarray(data).ravel().tolist())
         variable[...] = np.asarray(data, dtype=object)
     else:
@@ -181,7 +184,6 @@ def add_variable(
                 chunks = (*chunks[:-1], 1)
             packed = {"chunks": chunks, "compression": "gzip", "compression_opts": 1, "shuffle": True}
         variable = file.create_variable(name, dimensions, dtype=kind, **packed)
-        file.keep_open(name)
         if data is not None:
             variable[...] = data
     if data is not None:
