@@ -257,19 +257,18 @@ def _smooth_run(
             return _describe_fitted(piece, fitted, slice(first, last)), None, begins
     window = refilter_run(run, piece.window, settings)
     rest = window.after(min(following, last - 1)).copy() if last else None
-    begin = 0 if priors is not None else first
     # Of a track with several runs, the covariance of the first state of each enters the run before.
     means_only = piece.only_points and len(piece.runs) == 1
-    states = _smoothed_by(window.after(begin).state, run.time_s[begin:], later, settings, means_only)
+    states = _smoothed_by(window.after(first).state, run.time_s[first:], later, settings, means_only)
     begins = _LaterRun(run, select_states(states, [0])) if run.fresh and first == 0 else None
-    own = slice(first - begin, last - begin)
-    return piece.describe(State(*(each[own] for each in states)), window.information[first:last]), rest, begins
+    own = State(*(each[: last - first] for each in states))
+    return piece.describe(own, window.information[first:last]), rest, begins
 
 
 def _fit_run(piece: _TrackPiece, run: Run, later: "_LaterRun | None") -> tuple[State | None, "_LaterRun | None"]:
-    """Return the fitted poses of a run, or None, and the person's first state if the filter was initialized with it.
+    """Return the fitted poses of a run, or None, and the person's first state if the filter was initialized there.
 
-    They depend on the frames of the piece alone, so that a recording can be divided anywhere.
+    Both depend on the frames of the piece only, not on how earlier frames were divided into ranges.
     """
     if len(piece.runs) == 1:
         # Fitted poses depend on where the fit begins by a tenth of their uncertainty, so the states of the filter do.
