@@ -82,8 +82,8 @@ def sync(
     if found.timings:
         say_verdict(found.findings)
     if again:
-        remains = "Nothing remains" if found.sync.does_nothing else "These offsets remain"
-        say(f"{remains} after the correction. A complete file is written without --sync.")
+        which = "No" if found.sync.does_nothing else "These"
+        say(f"{which} offsets remain after the correction. A complete file is written without --sync.")
         return
     with replacing(output) as temporary:
         temporary.write_text(sync_to_toml(found.sync), "utf-8")
