@@ -30,7 +30,7 @@ def must_exist(path: Path, what: str) -> Path:
         return path
     parent = next((folder for folder in path.parents if folder.is_dir()), Path())
     seen = sorted(entry.name for entry in parent.iterdir() if not entry.name.startswith("."))
-    folder = str(parent) if parent.name else "This folder"
+    folder = "This folder" if parent == Path() else str(parent)
     content = f"contains: {choices(seen)}" if seen else "is empty"
     raise FileError(f"No {what} at {path}. {folder} {content}.")
 
