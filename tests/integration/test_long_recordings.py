@@ -25,10 +25,10 @@ from posefuse.synthetic.crowds import simulate_crowd
 SOURCES = Path(__file__).parents[2] / "src"
 
 
-def write(folder: Path, seconds: float, rate_hz: float = 25.0, seed: int = 0) -> Path:
+def write(folder: Path, seconds: float, rate_hz: float = 25.0, seed: int = 0, skeleton: str = "coco_17") -> Path:
     """A recording of two people before four cameras."""
     options = CrowdOptions(
-        people=2, cameras=4, duration_s=seconds, rate_hz=rate_hz, skeleton="coco_17", seed=seed
+        people=2, cameras=4, duration_s=seconds, rate_hz=rate_hz, skeleton=skeleton, seed=seed
     )  # fmt: skip
     scene = simulate_crowd(options)
     folder.mkdir()
@@ -87,6 +87,20 @@ def test_the_number_of_processes_does_not_change_a_byte(two_people, uninterrupte
     text = process.communicate(timeout=1800)[0]
     assert process.returncode == 0, text
     assert contents(tmp_path / "out") == contents(uninterrupted)
+
+
+def test_killed_run_with_hands_and_faces_resumes_with_fewer_processes(tmp_path):
+    """Other processes track hands and faces behind the bodies, and are killed with the command."""
+    path = write(tmp_path / "recording", 2.4, skeleton="coco_wholebody_133")
+    text = start(path, tmp_path / "whole", 20).communicate(timeout=1800)[0]
+    assert (tmp_path / "whole" / "reconstruction.nc").exists(), text
+    output = tmp_path / "out"
+    signal_when_file_exists(start(path, output, 20, 2), output / CHECKPOINT_FOLDER / "tracking.part", signal.SIGKILL)
+    process = start(path, output, 20)
+    text = process.communicate(timeout=1800)[0]
+    assert process.returncode == 0, text
+    assert "Resuming from the finished parts" in " ".join(text.split())
+    assert contents(output) == contents(tmp_path / "whole")
 
 
 def test_interruption_leaves_a_partial_result_and_the_parts(run, recording, tmp_path, monkeypatch):

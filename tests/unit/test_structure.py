@@ -144,7 +144,6 @@ TESTED_ELSEWHERE = {
         "io/results/clips.py",
     ),
     "unit/io/results/test_gltf.py": ("io/results/sticks.py",),
-    "unit/io/results/test_netcdf.py": ("io/netcdf.py",),
     "unit/io/results/test_write.py": ("model/track_events.py",),
     "unit/pipeline/run/test_plan.py": ("pipeline/run/view_facts.py",),
     "unit/io/test_options.py": ("io/options_template.py",),

@@ -26,7 +26,7 @@ from posefuse.errors import FileError
 from posefuse.io.part_content import Packed, compressed, copied, loaded, packed, unpacked
 
 _MANIFEST = "manifest.json"
-_LAYOUT = 5
+_LAYOUT = 6
 _WHOLE = "whole"
 
 

@@ -56,6 +56,9 @@ class OutputFile(h5netcdf.File):
         for name, size in sizes.items():
             self.dimensions[name] = size
             self._keep_open(name)
+        # A variable of the same name replaces the dimension's own one, which remains as unused bytes of the file: what
+        # they contain must not depend on whether this process reads the file, which also writes what is in memory.
+        cast("h5py.File", self._h5file).flush()
 
     def _keep_open(self, name: str) -> None:
         """Keep open the HDF5 dataset of a variable, or that of a dimension without a variable."""

@@ -19,11 +19,12 @@ from posefuse.kernels.tracking.history_rows import RowHeads, SeenPeople
 from posefuse.kernels.tracking.predict import predict_people
 from posefuse.kernels.tracking.records import State
 from posefuse.model.tracks import TrackState
+from posefuse.tracking.body_frames import BodyFrame
 from posefuse.tracking.body_states import select_states
 from posefuse.tracking.history_blocks import Block
 from posefuse.tracking.history_entries import Entries
 from posefuse.tracking.parts import PartTracker
-from posefuse.tracking.records import PastState, People, Person, Track, TrackedFrame
+from posefuse.tracking.records import PastState, Person, TrackedFrame
 from posefuse.tracking.runs import PackedRun, Run
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.tracker import ArticulatedTracker
@@ -143,19 +144,18 @@ class History:
         numbers = [track.number for track in tracks]
         self._add_people(here, numbers, fresh, [person_of[track.name] for track in tracks], tracker.state, tracked)
 
-    def add_parts(self, tracker: PartTracker, tracks: list[Track], people: People) -> None:
+    def add_parts(self, tracker: PartTracker, bodies: BodyFrame) -> None:
         """Add the part tracks of a frame; this is the history of that part.
 
         Args:
             tracker: Tracker of the part after the frame.
-            tracks: Tracks of the bodies.
-            people: People of the frame.
+            bodies: Bodies of the frame.
 
         Raises:
             DetectionsError: If the frame is not later than the last one.
         """
-        here = self._next(people.number, people.time_s)
-        numbers = {track.name: track.number for track in tracks}
+        here = self._next(bodies.number, bodies.time_s)
+        numbers = dict(zip(bodies.names, bodies.numbers, strict=True))
         found, fresh = [numbers[part.name] for part in tracker.tracks], [part.fresh for part in tracker.tracks]
         self._add_people(here, found, fresh, list(tracker.people), tracker.state, None)
 

@@ -23,6 +23,7 @@ from posefuse.model.tracks import TrackState
 from posefuse.skeleton.parts import Part
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.skeleton.trees import Tree
+from posefuse.tracking.body_frames import BodyFrame, mirror_images
 from posefuse.tracking.body_states import (
     ProjectedBodies,
     empty_state,
@@ -31,47 +32,13 @@ from posefuse.tracking.body_states import (
     select_states,
 )
 from posefuse.tracking.frame_clock import TIME_TOLERANCE_S, view_times
-from posefuse.tracking.records import Observation, Person
+from posefuse.tracking.records import Observation, People, Person
 from posefuse.tracking.settings import TrackerSettings, filter_memory_s, tempering_factor
 from posefuse.tracking.track_initiation import fit_body
 
 _VARIANCES = np.array([0, 3, 5])
 _MAX_SD_SHARE = 0.35
 """Standard deviation of a bone's end, as a share of the bone's length, above which its direction is unknown."""
-
-
-@dataclass(frozen=True, eq=False)
-class BodyFrame:
-    """Bodies of one frame, to which parts are anchored.
-
-    Attributes:
-        names: Names of the people, in the order of the tracker.
-        rows: shape (person, view), int64: assigned detections of the frame, -1 for none.
-        labels: shape (person, view, keypoint), int64: which of a detection's keypoints is the body's.
-        points_m: shape (person, keypoint, 3).
-        covariance_m2: shape (person, keypoint, 6).
-        turns: shape (person, segment, 3, 3).
-        turn_covariance: shape (person, segment, 3, 3): in the segments' own axes, in rad^2.
-    """
-
-    names: tuple[str, ...]
-    rows: np.ndarray
-    labels: np.ndarray
-    points_m: np.ndarray
-    covariance_m2: np.ndarray
-    turns: np.ndarray
-    turn_covariance: np.ndarray
-
-    @classmethod
-    def of(
-        cls, names: tuple[str, ...], rows: np.ndarray, labels: np.ndarray, projected: ProjectedBodies, state: State
-    ) -> "BodyFrame":
-        """Return the bodies of a tracker's states and their projections."""
-        segments = state.turns.shape[1]
-        blocks = [state.covariance[:, c : c + 3, c : c + 3] for c in range(3, 3 + 3 * segments, 3)]
-        return cls(
-            names, rows, labels, projected.points_m, projected.covariance_m2, state.turns, np.stack(blocks, axis=1)
-        )
 
 
 @dataclass
@@ -113,11 +80,13 @@ class PartTracker:
 
     Args:
         part: Part of the skeleton.
+        index: Its index among the parts.
+        image: Keypoints of its mirror image, or None without one.
         whole: Settings of the bodies.
     """
 
-    def __init__(self, part: Part, whole: TrackerSettings) -> None:
-        self.part = part
+    def __init__(self, part: Part, index: int, image: np.ndarray | None, whole: TrackerSettings) -> None:
+        self.part, self.index, self.image = part, index, image
         names = tuple(whole.skeleton.keypoints[k] for k in part.keypoints)
         own = Skeleton(f"{whole.skeleton.name}: {part.name}", names, tree=part.tree)
         # The options of the bodies are in proportion already; a part has the size of its body.
@@ -131,20 +100,22 @@ class PartTracker:
         self.people: tuple[Person, ...] = ()
         """People whose part is tracked, with the part's keypoints, in the order of the states."""
 
-    def update(self, frame: Frame, time_s: float, dt_s: float, bodies: BodyFrame) -> None:
+    def update(self, frame: Frame, bodies: BodyFrame) -> None:
         """Process a frame in which the bodies were tracked."""
+        time_s, dt_s = bodies.time_s, bodies.dt_s
+        self._drop([track.name not in bodies.swapped for track in self.tracks])
         self._drop([track.name in bodies.names for track in self.tracks])
         self.known = {name: shape for name, shape in self.known.items() if name in bodies.names}
         order = [bodies.names.index(track.name) for track in self.tracks]
-        labels = np.ascontiguousarray(bodies.labels[:, :, self.part.keypoints])
-        use = self._predict_and_update(frame, time_s, dt_s, bodies, labels, order)
+        labels = self._labels(bodies)
+        use = self._predict_and_update(frame, bodies, labels, order)
         visible = ((use == USED).sum(axis=2) >= self.settings.options.min_joints).any(axis=1)
         for track, now in zip(self.tracks, visible, strict=True):
             track.fresh = False
             track.last_seen_s = time_s if now else track.last_seen_s
             track.shape_observed_s += dt_s if now else 0.0
         used = self._drop_unseen(time_s, use == USED)
-        used = self._start(frame, time_s, bodies, labels, used)
+        used = self._start(frame, bodies, labels, used)
         self._fix_shapes()
         rows = bodies.rows[[bodies.names.index(track.name) for track in self.tracks]]
         self.people = self._part_people(rows, used, time_s)
@@ -160,20 +131,22 @@ class PartTracker:
             return nothing, nothing
         return known.shape_m, np.sqrt(np.diag(known.covariance_m2))
 
-    def reset(self, names: set[str]) -> None:
-        """Drop the tracks of people whose identities were swapped; they start again with the lengths of their names."""
-        self._drop([track.name not in names for track in self.tracks])
+    def _labels(self, bodies: BodyFrame) -> np.ndarray:
+        """Return which of a detection's keypoints is which point of the part, shape (person, view, point), int64."""
+        labels = np.tile(self.part.keypoints, (*bodies.rows.shape, 1))
+        if self.image is not None:
+            labels[bodies.exchanged[:, :, self.index]] = self.image
+        return labels
 
     def _drop(self, keep: Sequence[bool]) -> None:
         if not all(keep):
             self.state = select_states(self.state, np.flatnonzero(keep))
             self.tracks = [track for track, stays in zip(self.tracks, keep, strict=True) if stays]
 
-    def _predict_and_update(
-        self, frame: Frame, time_s: float, dt_s: float, bodies: BodyFrame, labels: np.ndarray, order: list[int]
-    ) -> np.ndarray:
+    def _predict_and_update(self, frame: Frame, bodies: BodyFrame, labels: np.ndarray, order: list[int]) -> np.ndarray:
         """Predict and update all parts; return what keypoints were used for, shape (person, view, point)."""
         s, n = self.settings, len(order)
+        time_s, dt_s = bodies.time_s, bodies.dt_s
         use = np.full((n, *labels.shape[1:]), -1, dtype=np.int64)
         if not n:
             return use
@@ -199,7 +172,7 @@ class PartTracker:
         part, n, size = self.part, len(order), self.state.covariance.shape[1]
         options = self.settings.options.parts
         temper = float(tempering_factor(np.array(dt_s), options.anchor_memory_s))
-        noise = bodies.covariance_m2[order, part.at].copy()
+        noise = bodies.covariance_m2[order, self.index].copy()
         noise[:, _VARIANCES] += options.anchor_sd_m**2
         turns, turn_noise = np.full((n, 3, 3), np.nan), np.zeros((n, 6))
         if part.like >= 0:
@@ -207,7 +180,7 @@ class PartTracker:
             block = bodies.turn_covariance[order, part.like] + np.radians(options.anchor_sd_deg) ** 2 * np.eye(3)
             # Such an index gives an array in Fortran order, for which the kernel would be compiled a second time.
             turn_noise = temper * np.ascontiguousarray(block[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]])
-        places = np.ascontiguousarray(bodies.points_m[order, part.at])
+        places = np.ascontiguousarray(bodies.points_m[order, self.index])
         update_from_anchors(places, temper * noise, turns, turn_noise, np.empty((6, size)), np.empty(size), self.state)
 
     def _drop_unseen(self, time_s: float, used: np.ndarray) -> np.ndarray:
@@ -220,20 +193,19 @@ class PartTracker:
         self._drop(keep.tolist())
         return used[keep]
 
-    def _start(
-        self, frame: Frame, time_s: float, bodies: BodyFrame, labels: np.ndarray, used: np.ndarray
-    ) -> np.ndarray:
+    def _start(self, frame: Frame, bodies: BodyFrame, labels: np.ndarray, used: np.ndarray) -> np.ndarray:
         """Start tracks of parts that the views show; return the used points of all parts."""
         tracked = {track.name for track in self.tracks}
         for p, name in enumerate(bodies.names):
             if name in tracked:
                 continue
-            seen = self._observation(frame, time_s, bodies.rows[p], labels[p], bodies.points_m[p, self.part.at])
+            anchor_m = bodies.points_m[p, self.index]
+            seen = self._observation(frame, bodies.time_s, bodies.rows[p], labels[p], anchor_m)
             state = None if seen is None else self._fit(seen, name)
             if seen is None or state is None:
                 continue
             known = self.known.get(name)
-            self.tracks.append(PartTrack(name, time_s, known.shape_observed_s if known else 0.0))
+            self.tracks.append(PartTrack(name, bodies.time_s, known.shape_observed_s if known else 0.0))
             self.state = join_states(self.state, state)
             used = np.concatenate([used, np.isfinite(seen.keypoints_px[None, ..., 0])])
         return used
@@ -335,56 +307,23 @@ def certain_directions(
     return certain
 
 
-def mirrored_parts(followers: Sequence[PartTracker], mirror: np.ndarray) -> tuple[tuple[Part, Part], ...]:
-    """Return the pairs of parts that mirror each other; ``mirror`` is that of the skeleton."""
-    parts = [follower.part for follower in followers]
-    return tuple(
-        (one, other)
-        for i, one in enumerate(parts)
-        for other in parts[i + 1 :]
-        if np.array_equal(mirror[one.keypoints], other.keypoints)
-    )
-
-
-def swap_mirrored_parts(
-    labels: np.ndarray,
-    frame: Frame,
-    rows: np.ndarray,
-    projected: ProjectedBodies,
-    pair: tuple[Part, Part],
-    margin_m: float,
-) -> None:
-    """Swap the hands of a detection that are clearly closer to each other's wrists than to their own.
+def part_trackers(whole: TrackerSettings) -> tuple[PartTracker, ...]:
+    """Return trackers of all parts of the skeleton, which do not depend on each other.
 
     Args:
-        labels: shape (person, view, keypoint), updated in place.
-        frame: The detections.
-        rows: shape (person, view): assigned detections, -1 for none.
-        projected: Projected bodies.
-        pair: The two parts.
-        margin_m: Distance by which they must be closer, in meters.
+        whole: Settings of the bodies.
     """
-    assigned = np.nonzero(rows >= 0)
-    seen, pixels = frame.keypoints_px[rows[assigned]], projected.pixels[assigned]
-    roots = [pixels[:, part.at] for part in pair]
-    means = [_mean_pixel(seen[:, part.keypoints]) for part in pair]
-    own = _distance(means[0], roots[0]) + _distance(means[1], roots[1])
-    other = _distance(means[0], roots[1]) + _distance(means[1], roots[0])
-    swapped = other + margin_m * projected.px_per_m[assigned][:, pair[0].at] < own
-    if swapped.any():
-        left, right = (part.keypoints for part in pair)
-        p, v = (each[swapped, None] for each in assigned)
-        labels[p, v, left], labels[p, v, right] = right, left
+    parts = whole.skeleton.parts
+    images = (None if image is None else parts[image].keypoints for image in mirror_images(whole.skeleton))
+    return tuple(PartTracker(part, i, image, whole) for i, (part, image) in enumerate(zip(parts, images, strict=True)))
 
 
-def _mean_pixel(pixels: np.ndarray) -> np.ndarray:
-    """Return the mean over the finite points, shape (row, 2); NaN where there are none."""
-    finite = np.isfinite(pixels)
-    count = finite.sum(axis=1)
-    return np.where(finite, pixels, 0.0).sum(axis=1) / np.where(count > 0, count, np.nan)
-
-
-def _distance(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Return the distance between pixels, shape (row,); 0 where one of them is unknown."""
-    distance = np.linalg.norm(one - other, axis=1)
-    return np.where(np.isfinite(distance), distance, 0.0)
+def add_parts(trackers: Sequence[PartTracker], people: People) -> None:
+    """Write the points and used keypoints of parts into the people of the frame in which they were tracked."""
+    person_of = {person.name: person for person in people.people}
+    for tracker in trackers:
+        k = tracker.part.keypoints
+        for own in tracker.people:
+            person = person_of[own.name]
+            person.points_m[k], person.covariance_m2[k] = own.points_m, own.covariance_m2
+            person.used[:, k] = own.used

@@ -11,6 +11,7 @@ from posefuse.arguments import checked
 from posefuse.kernels.tracking.records import State
 from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
+from posefuse.tracking.body_frames import BodyFrame
 from posefuse.tracking.bone_lengths import LengthMonitor
 from posefuse.tracking.pooled_lengths import PooledLengths
 
@@ -318,9 +319,11 @@ class TrackedFrame:
         past_states: By name, states in earlier frames of people who were confirmed or re-identified in this frame.
         swaps: Identity swaps found in this frame.
         assigned: Assigned keypoints; None if they are not kept.
+        bodies: The bodies to which hands and faces are anchored; None if the skeleton has no such parts.
     """
 
     people: People
     past_states: Mapping[str, list[PastState]]
     swaps: tuple[IdentitySwap, ...]
     assigned: AssignedKeypoints | None = None
+    bodies: BodyFrame | None = None

@@ -7,11 +7,12 @@ from posefuse.kernels.tracking.records import State
 from posefuse.model.frames import Frame
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.associate import Association, associate
+from posefuse.tracking.body_frames import BodyFrame, anchors_of, find_exchanged, mirror_images, turns_of
 from posefuse.tracking.body_states import ProjectedBodies
 from posefuse.tracking.bone_lengths import keypoints_at_one_time
 from posefuse.tracking.frame_clock import FrameClock
 from posefuse.tracking.manage import Bookkeeping, Management, manage
-from posefuse.tracking.parts import BodyFrame, PartTracker, mirrored_parts, swap_mirrored_parts
+from posefuse.tracking.parts import add_parts, part_trackers
 from posefuse.tracking.predict import FrameInput, predict
 from posefuse.tracking.records import AssignedKeypoints, People, Person, Track, TrackedFrame
 from posefuse.tracking.settings import TrackerSettings
@@ -52,17 +53,28 @@ class ArticulatedTracker:
         self.book = Bookkeeping.new(len(settings.rig))
         """Tentative tracks, camera statistics and contacts."""
         self.clock = FrameClock()
-        self.parts = tuple(PartTracker(part, settings) for part in settings.skeleton.parts)
-        """Trackers of hands and faces; they do not change the bodies."""
-        self.mirrored = mirrored_parts(self.parts, settings.skeleton.mirror)
-        """Pairs of parts that mirror each other."""
+        self.parts = part_trackers(settings)
+        """Trackers of hands and faces, which do not change the bodies; none while others track them."""
+        self.images = mirror_images(settings.skeleton)
+        """Indices of the parts that mirror each part, or None."""
 
     def update(self, frame: Frame) -> People:
         """Process a frame and return all people in it; see :meth:`process`."""
         return self.process(frame).people
 
     def process(self, frame: Frame) -> TrackedFrame:
-        """Process a frame and return everything that the tracker found in it.
+        """Process a frame and return everything that the tracker found in it; arguments as of :meth:`track_bodies`."""
+        tracked = self.track_bodies(frame)
+        if tracked.bodies is not None:
+            for part in self.parts:
+                part.update(frame, tracked.bodies)
+            add_parts(self.parts, tracked.people)
+        return tracked
+
+    def track_bodies(self, frame: Frame) -> TrackedFrame:
+        """Process a frame, and leave hands and faces out.
+
+        Each of ``parts`` takes the bodies of all frames, in order, and tracks one of them, here or elsewhere.
 
         Args:
             frame: A frame later than the last one.
@@ -73,14 +85,17 @@ class ArticulatedTracker:
         self._check(frame)
         dt_s = self.clock.advance(frame)
         now = FrameInput(frame, self.clock.time_s, dt_s, self.clock.view_dt_s)
-        tracks, monitor, setup = self.confirmed, self.book.monitor, self.setup
+        tracks, monitor, setup, s = self.confirmed, self.book.monitor, self.setup, self.settings
         prediction = predict(tracks, now, setup)
         association = associate(tracks, now, prediction, monitor.rejected, setup)
         updated = update(tracks, now, prediction, association, setup)
-        assigned = _assigned_keypoints(tracks, now, association, setup.settings)
+        assigned = _assigned_keypoints(tracks, now, association, s)
         managed = manage(tracks, self.book, now, prediction, association, updated, setup)
-        people = self._people(now, managed)
-        return TrackedFrame(people, managed.past_states, managed.swaps, assigned)
+        has_parts = bool(s.skeleton.parts)
+        projected = self.confirmed.projected(s.cameras if has_parts else s.cameras[:0], s)
+        bodies = self._bodies(now, managed, projected) if has_parts else None
+        people = self._people(now, managed, projected)
+        return TrackedFrame(people, managed.past_states, managed.swaps, assigned, bodies)
 
     @property
     def settings(self) -> TrackerSettings:
@@ -117,12 +132,9 @@ class ArticulatedTracker:
                 f"person; this tracker has {views} cameras and {keypoints} keypoints."
             )
 
-    def _people(self, now: FrameInput, managed: Management) -> People:
+    def _people(self, now: FrameInput, managed: Management, projected: ProjectedBodies) -> People:
         """Return the people of the frame: active, then lost, then tentative."""
-        s, used = self.settings, managed.used
-        projected = self.confirmed.projected(s.cameras if self.parts else s.cameras[:0], s)
-        if self.parts:
-            self._update_parts(now, managed, projected)
+        used = managed.used
         people = [
             Person(
                 track.name, track.state, projected.points_m[p], projected.covariance_m2[p], managed.rows[p], used[p],
@@ -142,24 +154,18 @@ class ArticulatedTracker:
                 )  # fmt: skip
         return People(now.frame.number, now.time_s, tuple(people), managed.events)
 
-    def _update_parts(self, now: FrameInput, managed: Management, projected: ProjectedBodies) -> None:
-        """Track hands and faces, and write their points and used keypoints into those of the bodies."""
-        names, skeleton = tuple(track.name for track in self.tracks), self.settings.skeleton
-        labels = np.tile(np.arange(len(skeleton)), (*managed.rows.shape, 1))
-        margin_m = self.settings.options.parts.swap_margin_m
-        for pair in self.mirrored:
-            swap_mirrored_parts(labels, now.frame, managed.rows, projected, pair, margin_m)
-        bodies = BodyFrame.of(names, managed.rows, labels, projected, self.state)
-        for part in self.parts:
-            for swap in managed.swaps:
-                part.reset({track.name for track in self.tracks if track.number in swap.numbers})
-            part.update(now.frame, now.time_s, now.dt_s, bodies)
-        for part in self.parts:
-            k = part.part.keypoints
-            for person in part.people:
-                p = names.index(person.name)
-                projected.points_m[p, k], projected.covariance_m2[p, k] = person.points_m, person.covariance_m2
-                managed.used[p][:, k] = person.used
+    def _bodies(self, now: FrameInput, managed: Management, projected: ProjectedBodies) -> BodyFrame:
+        """Return the bodies to which hands and faces are anchored."""
+        s = self.settings
+        swapped = {number for swap in managed.swaps for number in swap.numbers}
+        return BodyFrame(
+            now.frame.number, now.time_s, now.dt_s, tuple(each.name for each in self.tracks),
+            tuple(each.number for each in self.tracks),
+            # People whose identities were swapped; their parts start again with the lengths of their names.
+            frozenset(each.name for each in self.tracks if each.number in swapped), managed.rows,
+            find_exchanged(now.frame, managed.rows, projected, s.skeleton, self.images, s.options.parts.swap_margin_m),
+            *anchors_of(projected, s.skeleton), *turns_of(self.state),
+        )  # fmt: skip
 
 
 def _assigned_keypoints(

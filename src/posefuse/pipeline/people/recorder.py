@@ -1,6 +1,7 @@
 """Record the output of a tracker over a recording."""
 
 from array import array
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ import numpy as np
 from posefuse.checkpoint import Spool
 from posefuse.model.track_events import Event
 from posefuse.model.tracks import Tracks, TrackState
+from posefuse.pipeline.people.part_recorder import PartRecorder
 from posefuse.pipeline.people.tracked_people import TrackedPeople, TrackNames
 from posefuse.tracking.history import History
 from posefuse.tracking.records import TrackedFrame
@@ -15,16 +17,15 @@ from posefuse.tracking.tracker import ArticulatedTracker
 
 
 class Recorder:
-    """Records a tracker's output: a few numbers per frame here, the states in the history.
+    """Records a tracker's output about bodies: a few numbers per frame here, the states in the history.
 
     Args:
-        history: records the states of bodies.
-        parts: record the states of hands and faces.
+        history: records the states.
         spool: stores entries that are not needed before the end; None to keep them in memory.
     """
 
-    def __init__(self, history: History, parts: tuple[History, ...], spool: Spool | None = None) -> None:
-        self.history, self.parts, self._spool = history, parts, spool
+    def __init__(self, history: History, spool: Spool | None = None) -> None:
+        self.history, self._spool = history, spool
         self._spooled: list[int] = []
         """Positions in the spool of the entries and innovations of earlier frames."""
         self.entries = array("i")
@@ -56,16 +57,14 @@ class Recorder:
         return np.concatenate(entries), np.concatenate(innovations)
 
     def add(self, tracker: ArticulatedTracker, tracked: TrackedFrame) -> None:
-        """Record one frame."""
+        """Record one frame; ``tracker`` is as it is after the frame."""
         people = tracked.people
         self.history.add(tracker, tracked)
-        for history, follower in zip(self.parts, tracker.parts, strict=True):
-            history.add_parts(follower, tracker.tracks, people)
         place = len(self.history) - 1
         by_name = {person.name: person for person in people.people}
         for p, track in enumerate(tracker.tracks):
             self.names.setdefault(track.number, [(0, track.name)])
-            self.shapes[track.name] = _shape_of(tracker, p)
+            self.shapes[track.name] = tracker.shape_of(p)
             person = by_name[track.name]
             self._add_entry(place, track.number, track.state, person.rows)
             if person.nis_dof:
@@ -88,10 +87,11 @@ class Recorder:
                 before = [each for each in self.names[track.number] if each[0] < place]
                 self.names[track.number] = [*before, (place, track.name)]
 
-    def close(self, offsets: np.ndarray, n_views: int) -> TrackedPeople:
+    def close(self, parts: Sequence[PartRecorder], offsets: np.ndarray, n_views: int) -> TrackedPeople:
         """Return the tracked people, in the order in which their tracks were confirmed.
 
         Args:
+            parts: records of hands and faces in the same frames.
             offsets: shape (frame * view + 1,): offsets of the detections of the recorded frames.
             n_views: number of views.
         """
@@ -113,24 +113,18 @@ class Recorder:
         # Rows of a frame count through its views; a track's detections count within the view.
         detection = np.where(rows >= 0, rows + starts[:, :, :1] - starts, -1).astype(np.int32)
         lengths = len(self.history.settings.skeleton.body_names[2])
+        shapes = [[own, *(part.shapes[name] for part in parts)] for name, own in self.shapes.items()]
         shape_m, shape_sd_m = (
-            np.stack([each[i] for each in self.shapes.values()]) if names else np.empty((0, lengths)) for i in range(2)
+            np.stack([np.concatenate([shape[i] for shape in each]) for each in shapes])
+            if names
+            else np.empty((0, lengths))
+            for i in range(2)
         )
         tracks = Tracks(names, detection, state)
         return TrackedPeople(
-            tracks, tuple(self.events), self.history, self.parts, naming, nis, nis_dof, shape_m, shape_sd_m
+            tracks, tuple(self.events), self.history, tuple(part.history for part in parts), naming, nis, nis_dof,
+            shape_m, shape_sd_m,
         )  # fmt: skip
-
-
-def _shape_of(tracker: ArticulatedTracker, p: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the lengths of a track and of its parts, and their standard deviations, shape (shape,) each."""
-    body = tracker.shape_of(p)
-    if not tracker.parts:
-        return body
-    name = tracker.tracks[p].name
-    shapes = [body, *(part.shape_of(name) for part in tracker.parts)]
-    values, sds = (np.concatenate(each) for each in zip(*shapes, strict=True))
-    return values, sds
 
 
 def _innovations(

@@ -2,8 +2,9 @@
 
 import itertools
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,26 +14,27 @@ from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
 from posefuse.errors import PosefuseWarning
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
-from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.subjects import Subjects
 from posefuse.model.tracks import Tracks
 from posefuse.parallel import ONE_JOB, Jobs
 from posefuse.pipeline.people.initial_noise import initial_noise, sample_frames
+from posefuse.pipeline.people.part_recorder import PartFollower, PartRecorder, frames_of, load_parts, part_spools
 from posefuse.pipeline.people.recorder import Recorder
 from posefuse.pipeline.people.tracked_people import TrackedPeople
 from posefuse.pipeline.people.trackers import tracker_of, with_tree
 from posefuse.preprocess.timeline import fill_missing_times
 from posefuse.progress import Progress
 from posefuse.tracking.history import History
-from posefuse.tracking.records import TrackedFrame
 from posefuse.tracking.tracker import ArticulatedTracker
 
 _NEVER_S = 1e9
 _CERTAIN_LOG_ODDS = 1e9
 _UNLIMITED_GATE = 1e9
 _NAME = "tracking"
-_RECORDER = f"{_NAME}.recorder"
+_RECORDER, _BODY = f"{_NAME}.recorder", f"{_NAME}.body"
+_PIECE_FRAMES = 512
+"""Number of frames after which another process continues with hands and faces."""
 _INTERRUPTED = (
     "Interrupted: people were tracked through {} of {} frames, and the result covers these. Press Ctrl-C again to stop "
     "at once."
@@ -108,7 +110,7 @@ def track_people(
         checkpoint: stores the state every ``chunk_frames``. If it does, an interruption ends the recording there;
             :func:`warn_of_interruption` says so.
         tracker: tracker that has processed all frames before the first; a new one if it is None.
-        jobs: with several, a thread reads ahead and another one stores.
+        jobs: with several, a thread reads ahead, another one stores, and a process tracks hands and faces.
         stored: indices of frames, in ascending order; the checkpoint stores the tracker as it is before each of them,
             under the name that :func:`tracker_name` returns. People are tracked again from the start if one of them is
             missing.
@@ -118,38 +120,43 @@ def track_people(
         SkeletonError: if the skeleton has no kinematic tree, and none can be measured.
     """
     times_s = frame_times(detections)
-    stage = _Stage.load(checkpoint)
-    if stage is None or any(checkpoint.load(tracker_name(place)) is None for place in stored if place <= stage.done):
-        stage = _Stage.first(tracker or first_tracker(rig, detections, options), checkpoint)
+    begun = _load(checkpoint)
+    if begun is None or any(checkpoint.load(tracker_name(place)) is None for place in stored if place <= begun[0].done):
+        begun = _begin(tracker or first_tracker(rig, detections, options), checkpoint)
         if 0 in stored:
-            checkpoint.save(tracker_name(0), stage.tracker)
+            checkpoint.save(tracker_name(0), begun[0].tracker_with(begun[1]))
+    stage, parts = begun
     progress.start("tracking people", detections.n_frames)
     progress.advance(stage.done)
     spans = [span for span in ranges(detections.n_frames, options.chunk_frames) if span[0] >= stage.done]
     with jobs.thread() as thread:
         store = _Store(checkpoint, thread)
         stage.attach(store)
+        # A stored tracker includes those of hands and faces before the same frame.
+        follower = PartFollower(parts, checkpoint, ONE_JOB if stored else jobs)
         try:
             chunks = jobs.ahead(detections.frames(*span) for span in spans)
             for chunk, (start, stop) in zip(chunks, spans, strict=True):
                 bounds = [start, *(place for place in stored if start < place <= stop), stop]
                 for first, last in itertools.pairwise(bounds):
-                    stage.advance(chunk.frames(first - start, last - start), times_s[first:last])
+                    stage.advance(chunk.frames(first - start, last - start), times_s[first:last], follower)
                     if last in stored:
-                        checkpoint.save(tracker_name(last), stage.tracker)
-                stage = store.save(stage)
+                        checkpoint.save(tracker_name(last), stage.tracker_with(follower.wait()))
+                stage = store.save(stage, follower)
                 progress.advance(stop - start)
             store.wait()
+            parts = follower.wait()
         except KeyboardInterrupt:
             # A second interruption while the thread still works ends the run, and the next run resumes.
             store.wait()
-            saved = _Stage.load(checkpoint)
+            follower.wait()
+            saved = _load(checkpoint)
             if saved is None or not checkpoint.enabled:
                 raise
-            stage = saved
+            stage, parts = saved
     progress.finish()
     offsets = detections.offsets[: stage.done * detections.n_views + 1]
-    return stage.recorder.close(offsets, detections.n_views)
+    return stage.recorder.close(parts, offsets, detections.n_views)
 
 
 def warn_of_interruption(people: TrackedPeople, detections: Detections) -> None:
@@ -169,10 +176,11 @@ def continue_tracking(tracker: ArticulatedTracker, detections: Detections, times
     Raises:
         DetectionsError: if frames have no times.
     """
-    stage = _Stage.first(tracker, NO_CHECKPOINT)
+    stage, parts = _begin(tracker, NO_CHECKPOINT)
+    follower = PartFollower(parts, NO_CHECKPOINT, ONE_JOB)
     for start, stop in ranges(detections.n_frames, CHUNK_FRAMES):
-        stage.advance(detections.frames(start, stop), times_s[start:stop])
-    return stage.recorder.close(detections.offsets, detections.n_views)
+        stage.advance(detections.frames(start, stop), times_s[start:stop], follower)
+    return stage.recorder.close(parts, detections.offsets, detections.n_views)
 
 
 def first_tracker(rig: CameraRig, detections: Detections, options: Options) -> ArticulatedTracker:
@@ -193,10 +201,10 @@ def tracker_name(place: int) -> str:
 
 @dataclass(eq=False)
 class _Stage:
-    """The state of tracking between two chunks.
+    """The state of tracking bodies between two chunks.
 
     Attributes:
-        tracker: tracker after the last frame.
+        tracker: tracker after the last frame, without those of hands and faces.
         recorder: record of all frames.
         done: number of frames processed.
     """
@@ -205,38 +213,57 @@ class _Stage:
     recorder: Recorder
     done: int = 0
 
-    @classmethod
-    def first(cls, tracker: ArticulatedTracker, checkpoint: Checkpoint) -> "_Stage":
-        """Return the state before the first frame."""
-        spools = [checkpoint.spool(name) for name in _spools(len(tracker.parts))]
-        body, *parts = (part.settings for part in (tracker, *tracker.parts))
-        parts = tuple(History(each, spool, has_past=False) for each, spool in zip(parts, spools[1:], strict=True))
-        return cls(tracker, Recorder(History(body, spools[0]), parts, checkpoint.spool(_RECORDER)))
-
-    @classmethod
-    def load(cls, checkpoint: Checkpoint) -> "_Stage | None":
-        """Return the last state that was saved, or None."""
-        stage = checkpoint.load(_NAME)
-        if stage is not None:
-            stage.attach(_Store(checkpoint))
-        return stage
-
     def attach(self, store: "_Store") -> None:
-        """Let the recorder and its histories append to the spools of a checkpoint, if it has any."""
-        histories = (self.recorder.history, *self.recorder.parts)
-        spools = [store.checkpoint.spool(name) for name in (_RECORDER, *_spools(len(self.recorder.parts)))]
-        if spools[0] is None:
-            return
-        self.recorder.attach(spools[0])
-        for history, spool in zip(histories, spools[1:], strict=True):
-            assert spool is not None
-            history.attach_spool(spool, store.thread)
+        """Let the recorder and its history append to the spools of a checkpoint, if it has any."""
+        entries, states = (store.checkpoint.spool(name) for name in (_RECORDER, _BODY))
+        if entries is not None and states is not None:
+            self.recorder.attach(entries)
+            self.recorder.history.attach_spool(states, store.thread)
 
-    def advance(self, chunk: Detections, times_s: np.ndarray) -> None:
-        """Track people through more frames; ``times_s``: shape (frame,)."""
-        for tracked in _track(self.tracker, chunk, times_s):
-            self.recorder.add(self.tracker, tracked)
-        self.done += chunk.n_frames
+    def advance(self, chunk: Detections, times_s: np.ndarray, follower: PartFollower) -> None:
+        """Track people through more frames.
+
+        Args:
+            chunk: detections of the frames.
+            times_s: shape (frame,): their times.
+            follower: tracks hands and faces.
+        """
+        for first, last in ranges(chunk.n_frames, _PIECE_FRAMES):
+            piece, bodies = (chunk.frames(first, last), times_s[first:last]), []
+            for frame in frames_of(*piece):
+                tracked = self.tracker.track_bodies(frame)
+                self.recorder.add(self.tracker, tracked)
+                if tracked.bodies is not None:
+                    bodies.append(tracked.bodies)
+            if bodies:
+                follower.follow(self.done, (*piece, bodies))
+            self.done += last - first
+
+    def tracker_with(self, parts: Sequence[PartRecorder]) -> ArticulatedTracker:
+        """Return the tracker with those of hands and faces."""
+        whole = copy(self.tracker)
+        whole.parts = tuple(part.tracker for part in parts)
+        return whole
+
+
+def _begin(tracker: ArticulatedTracker, checkpoint: Checkpoint) -> tuple[_Stage, list[PartRecorder]]:
+    """Return the state before the first frame."""
+    spools = part_spools(checkpoint, len(tracker.parts))
+    parts = [PartRecorder(part, spool) for part, spool in zip(tracker.parts, spools, strict=True)]
+    tracker.parts = ()
+    history = History(tracker.settings, checkpoint.spool(_BODY))
+    return _Stage(tracker, Recorder(history, checkpoint.spool(_RECORDER))), parts
+
+
+def _load(checkpoint: Checkpoint) -> tuple[_Stage, list[PartRecorder]] | None:
+    """Return the last state that was saved, or None."""
+    stage = checkpoint.load(_NAME)
+    parts = None if stage is None else load_parts(checkpoint, len(stage.tracker.settings.skeleton.parts))
+    # Hands and faces are stored first, so they may be ahead of the bodies.
+    if stage is None or parts is None or any(part.done < stage.done for part in parts):
+        return None
+    stage.attach(_Store(checkpoint))
+    return stage, parts
 
 
 class _Store:
@@ -251,15 +278,16 @@ class _Store:
         self.checkpoint, self.thread = checkpoint, thread
         self._last: Callable[[], None] = _done
 
-    def save(self, stage: _Stage) -> _Stage:
-        """Save the state, and return it as a resumed run loads it."""
+    def save(self, stage: _Stage, follower: PartFollower) -> _Stage:
+        """Save the state, and that of hands and faces before it; return it as a resumed run loads it."""
         # The length of the spools is stored with each state, so they must not grow before it is.
         self._last()
         stage.recorder.spool_entries()
         if self.thread is None:
+            follower.save()
             saved = self.checkpoint.save(_NAME, stage)
         else:
-            saved, self._last = self.checkpoint.begin_save(_NAME, stage, self.thread)
+            saved, self._last = self.checkpoint.begin_save(_NAME, stage, follower.begin_save(self.thread))
         if saved is not stage:
             saved.attach(self)
         return saved
@@ -273,19 +301,6 @@ class _Store:
 
 def _done() -> None:
     pass
-
-
-def _track(tracker: ArticulatedTracker, chunk: Detections, times_s: np.ndarray) -> Iterator[TrackedFrame]:
-    """Return the people of each frame; ``times_s``, shape (frame,), is used where no view recorded the frame."""
-    for i in range(chunk.n_frames):
-        frame = Frame.of(chunk, i)
-        if not frame.recorded.any():
-            frame = replace(frame, time_s=np.full(len(frame.recorded), times_s[i]))
-        yield tracker.process(frame)
-
-
-def _spools(parts: int) -> tuple[str, ...]:
-    return (f"{_NAME}.body", *(f"{_NAME}.part_{i}" for i in range(parts)))
 
 
 def frame_times(detections: Detections) -> np.ndarray:

@@ -157,6 +157,8 @@ class TrackedPeople:
         for i, (part, found) in enumerate(zip(self.skeleton.parts, people.parts, strict=True)):
             for person in found:
                 cells, seen = self._cells_with_bodies(person, start, out.points_m)
+                f, p = (each[:, None] for each in cells)
+                out.used[f, p, :, part.keypoints] = person.used[seen].transpose(0, 2, 1)
                 out.add(person, cells, seen, part.keypoints, first, self._part_states(i, person, cells, seen, out))
             first = Offsets(
                 first.segment + len(part.tree.segments), first.bone + len(part.tree.bones),
