@@ -1,12 +1,13 @@
 """Collect the tracked 2D keypoints of a recording for the recording check, one column per person and keypoint."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from posefuse.arrays import ranges
 from posefuse.model.cameras import CameraRig
-from posefuse.model.detections import Detections
+from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.tracks import Tracks
 from posefuse.preprocess.timeline import fill_missing_times
 from posefuse.skeleton.skeletons import Skeleton
@@ -78,40 +79,48 @@ class TrackedObservations:
 
 
 def gather_observations(
-    rig: CameraRig, detections: Detections, tracks: Tracks, starts: tuple[int, ...] = (0,)
+    rig: CameraRig, detections: Detections, tracks: Tracks, spans: Sequence[tuple[int, int]] | None = None
 ) -> TrackedObservations:
-    """Collect the observations of a recording, or of pieces of it.
+    """Collect the observations of a recording, or of ranges of it.
 
     Args:
         rig: one camera per view.
-        detections: in memory.
-        tracks: assignment of detections to people, for the same frames.
-        starts: first frame of each contiguous piece, as an index into ``detections``.
+        detections: detections of the recording.
+        tracks: assignment of detections to people in the frames of the ranges.
+        spans: first frame and end of each range, in ascending order; by default the whole recording.
     """
-    rows = tracks.rows(detections)
-    n_frames, n_people, n_views = rows.shape
-    n_keypoints = len(detections.skeleton)
+    spans = [(0, detections.n_frames)] if spans is None else spans
+    frame_numbers, given_s = (
+        np.concatenate([np.asarray(each[start:stop]) for start, stop in spans])
+        for each in (detections.frame_numbers, detections.time_s)
+    )
+    n_people, n_views, n_keypoints = len(tracks.person_ids), detections.n_views, len(detections.skeleton)
+    n_frames = len(frame_numbers)
     shape = (n_frames, n_views, n_people, n_keypoints)
     pixels, confidence = np.full((*shape, 2), np.nan), np.full(shape, np.nan)
-    given_px, given_confidence = np.asarray(detections.keypoints_px), np.asarray(detections.confidence)
-    # One view of one person at a time, since a copy of all pixels takes too much memory.
-    for p, v in np.ndindex(n_people, n_views):
-        frames = np.flatnonzero(rows[:, p, v] >= 0)
-        pixels[frames, v, p] = given_px[rows[frames, p, v]]
-        confidence[frames, v, p] = given_confidence[rows[frames, p, v]]
+    place = 0
+    # Few frames at a time, since a copy of all detections takes too much memory.
+    for start, stop in spans:
+        for first, last in ranges(stop - start, CHUNK_FRAMES):
+            piece = detections.frames(start + first, start + last)
+            rows = tracks.frames(place, place + last - first).rows(piece)
+            f, p, v = np.nonzero(rows >= 0)
+            pixels[place + f, v, p] = np.asarray(piece.keypoints_px)[rows[f, p, v]]
+            confidence[place + f, v, p] = np.asarray(piece.confidence)[rows[f, p, v]]
+            place += last - first
     pixels = pixels.reshape(n_frames, n_views, n_people * n_keypoints, 2)
     confidence = confidence.reshape(pixels.shape[:3])
-    confidence, confidence_varies = _clean_confidence(pixels, confidence)
-    time_s, period_s, rate_known = _view_times(detections)
+    confidence_varies = _clean_confidence(pixels, confidence)
+    time_s, period_s, rate_known = _view_times(frame_numbers, given_s, detections.rate_hz)
     person = np.repeat(np.arange(n_people), n_keypoints)
-    runs = np.searchsorted(np.array(starts), np.arange(n_frames), side="right") - 1
+    runs = np.repeat(np.arange(len(spans)), [stop - start for start, stop in spans])
     all_columns = TrackedObservations(
         rig=rig,
         skeleton=detections.skeleton,
         pixels=pixels,
         confidence=confidence,
         time_s=time_s,
-        frame_numbers=detections.frame_numbers,
+        frame_numbers=frame_numbers,
         runs=runs,
         keypoint_index=np.tile(np.arange(n_keypoints), n_people),
         mirror_column=person * n_keypoints + np.tile(detections.skeleton.mirror, n_people),
@@ -122,25 +131,27 @@ def gather_observations(
     return all_columns.select_columns(_informative_columns(all_columns))
 
 
-def _clean_confidence(pixels: np.ndarray, confidence: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Set missing confidences to 1 and return whether the known ones are informative."""
-    seen = np.isfinite(pixels).all(axis=-1)
-    known = confidence[seen & np.isfinite(confidence)]
+def _clean_confidence(pixels: np.ndarray, confidence: np.ndarray) -> bool:
+    """Set missing confidences to 1 in place, and return whether the known ones are informative."""
+    seen = np.isfinite(pixels[..., 0])
+    seen &= np.isfinite(pixels[..., 1])
+    given = np.isfinite(confidence)
+    known = confidence[seen & given]
     confidence_varies = bool(len(known)) and known.min() >= 0.0 and known.max() <= 1.001 and float(np.std(known)) > 1e-3
-    filled = np.where(np.isfinite(confidence), confidence, 1.0)
-    return np.where(seen, filled, np.nan), confidence_varies
+    confidence[~given] = 1.0
+    confidence[~seen] = np.nan
+    return confidence_varies
 
 
-def _view_times(detections: Detections) -> tuple[np.ndarray, float, bool]:
+def _view_times(frame_numbers: np.ndarray, time_s: np.ndarray, rate_hz: float | None) -> tuple[np.ndarray, float, bool]:
     """Return the time of every frame in every view without gaps, the period, and whether the files state it."""
-    numbers = np.asarray(detections.frame_numbers, dtype=float)
-    times = np.array(detections.time_s, dtype=float)
+    numbers, times = frame_numbers.astype(float), time_s.astype(float)
     known = np.isfinite(times).sum(axis=0)
-    rate_known = detections.rate_hz is not None or bool((known > 1).all())
-    rate = detections.rate_hz or 25.0
+    rate_known = rate_hz is not None or bool((known > 1).all())
+    rate = rate_hz or 25.0
     for v in range(times.shape[1]):
         if known[v] > 1:
-            times[:, v] = fill_missing_times(times[:, v], detections.frame_numbers)
+            times[:, v] = fill_missing_times(times[:, v], frame_numbers)
         else:
             times[:, v] = numbers / rate
     steps = np.diff(times, axis=0) / np.diff(numbers)[:, None]

@@ -21,9 +21,8 @@ _MAX_EXAMINED_S, _PIECES = 180.0, 9
 def collect_observations(rig: CameraRig, detections: Detections, subjects: Subjects) -> TrackedObservations:
     """Return the observations of a whole recording, or of evenly spaced pieces of a long one."""
     spans = _spans(detections)
-    starts = np.cumsum([0, *(stop - start for start, stop in spans[:-1])])
     tracks = Tracks.concatenate([subjects.tracks(*span) for span in spans])
-    return gather_observations(rig, detections.pieces(spans), tracks, tuple(starts.tolist()))
+    return gather_observations(rig, detections, tracks, spans)
 
 
 def find_faults(

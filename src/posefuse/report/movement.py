@@ -6,15 +6,17 @@ from typing import Any
 
 import numpy as np
 
+from posefuse.arrays import ranges
 from posefuse.biomechanics.cycles import Cycle
 from posefuse.biomechanics.foot_paths import PARTS, SIDES
 from posefuse.biomechanics.gait import Gait
 from posefuse.biomechanics.gait_parameters import GaitParameter, mean_of
 from posefuse.biomechanics.mean_intervals import MIN_VALUES
+from posefuse.model.detections import CHUNK_FRAMES
 from posefuse.model.joint_angles import JointAngles
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.report.matplotlib_extra import BLUE, ORANGE
-from posefuse.report.series import TimeSeries, mean_per_interval
+from posefuse.report.series import TimeSeries, blocks_of_intervals, mean_per_interval
 
 SIDES_KEY = '<span class="left">Left</span>, <span class="right">right</span>'
 SIDE_COLORS = {"left": BLUE, "right": ORANGE}
@@ -123,18 +125,16 @@ def movement_data(result: Reconstruction, gait: Mapping[str, Gait], series: Time
 
 def _shown_angles(angles: JointAngles) -> dict[str, tuple[int, int]]:
     """Return the angles of the first convention by name without the side: indices of the left and the right one."""
-    known = np.asarray(np.isfinite(angles.degrees[:]).any(axis=(0, 1)))
+    spans = ranges(len(angles.status), CHUNK_FRAMES)
+    known = np.any([np.isfinite(angles.degrees[slice(*span)]).any(axis=(0, 1)) for span in spans], axis=0)
     sides = angles.sides(angles.conventions[0]) if angles.conventions else {}
     return {name: pair for name, pair in sides.items() if any(i >= 0 and known[i] for i in pair)}
 
 
 def _angle_data(angles: JointAngles, starts: np.ndarray) -> list[dict[str, Any]]:
     """Return the means of time intervals by angle; each of the curves has one row per person."""
-    # Circular means: an angle that passes 180 degrees continues at -180.
-    radians = np.radians(np.asarray(angles.degrees[:], dtype=np.float64))
-    sine, cosine = (mean_per_interval(each, starts) for each in (np.sin(radians), np.cos(radians)))
-    degrees = np.degrees(np.arctan2(sine, cosine))
-    sd_deg = mean_per_interval(np.asarray(angles.sd_deg[:], dtype=np.float64), starts)
+    means = [_mean_angles(angles, *block) for block in blocks_of_intervals(starts, len(angles.status))]
+    degrees, sd_deg = (np.concatenate(each) for each in zip(*means, strict=True))
     found = []
     for name, (left, right) in _shown_angles(angles).items():
         curves = {"both": left} if left == right else {"left": left, "right": right}
@@ -147,6 +147,15 @@ def _angle_data(angles: JointAngles, starts: np.ndarray) -> list[dict[str, Any]]
             }
         )
     return found
+
+
+def _mean_angles(angles: JointAngles, frames: slice, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the means of angles and of their standard deviations in intervals of some frames, in degrees."""
+    # Circular means: an angle that passes 180 degrees continues at -180.
+    radians = np.radians(np.asarray(angles.degrees[frames], dtype=np.float64))
+    sine, cosine = (mean_per_interval(each, starts) for each in (np.sin(radians), np.cos(radians)))
+    sd_deg = mean_per_interval(np.asarray(angles.sd_deg[frames], dtype=np.float64), starts)
+    return np.degrees(np.arctan2(sine, cosine)), sd_deg
 
 
 def _cycle_data(person: str, gait: Gait) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """Numbers over time: error, views used, bone lengths, and when points are measured, filled or missing."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +18,7 @@ MAX_INTERVALS = 600
 """Longer recordings are summarized in about this many time intervals."""
 MAX_BONES = 40
 MAX_GAPS = 25
+_BLOCK_FRAMES = 4096
 
 MISSING, MEASURED, FILLED, ABSENT = 0, 1, 2, 3
 """States of a point in a frame."""
@@ -114,29 +115,49 @@ def _finite_mean(values: np.ndarray) -> np.ndarray:
     return np.where(count > 0, np.where(finite, values, 0.0).sum(axis=-1) / np.maximum(count, 1), np.nan)
 
 
+def blocks_of_intervals(starts: np.ndarray, n_frames: int) -> Iterator[tuple[slice, np.ndarray]]:
+    """Yield the frames of some intervals at a time, and where the intervals start in them, to limit the memory."""
+    first = 0
+    while first < len(starts):
+        last = max(int(np.searchsorted(starts, starts[first] + _BLOCK_FRAMES)), first + 1)
+        stop = int(starts[last]) if last < len(starts) else n_frames
+        yield slice(int(starts[first]), stop), starts[first:last] - starts[first]
+        first = last
+
+
 def mean_per_interval(values: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """Return the mean of each interval of frames, along axis 0, without NaN."""
-    finite = np.isfinite(values)
-    total = np.add.reduceat(np.where(finite, values, 0.0), starts, axis=0)
-    count = np.add.reduceat(finite.astype(np.int64), starts, axis=0)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    means = [np.empty((0, *values.shape[1:]))]
+    for frames, begins in blocks_of_intervals(starts, len(values)):
+        finite = np.isfinite(values[frames])
+        total = np.add.reduceat(np.where(finite, values[frames], 0.0), begins, axis=0)
+        count = np.add.reduceat(finite.astype(np.int64), begins, axis=0)
+        means.append(np.where(count > 0, total / np.maximum(count, 1), np.nan))
+    return np.concatenate(means)
 
 
 def majority_per_interval(point_state: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """Return the most frequent state of each interval of frames, along axis 0; the worse one of a tie."""
-    order = (MISSING, FILLED, MEASURED, ABSENT)
-    counts = np.stack([np.add.reduceat((point_state == code).astype(np.int32), starts, axis=0) for code in order])
-    return np.array(order)[counts.argmax(axis=0)]
+    order = np.array([MISSING, FILLED, MEASURED, ABSENT])
+    found = [np.empty((0, *point_state.shape[1:]), dtype=order.dtype)]
+    for frames, begins in blocks_of_intervals(starts, len(point_state)):
+        states = point_state[frames]
+        counts = np.stack([np.add.reduceat((states == code).astype(np.int32), begins, axis=0) for code in order])
+        found.append(order[counts.argmax(axis=0)])
+    return np.concatenate(found)
 
 
 def find_gaps(series: TimeSeries) -> list[Gap]:
     """Return the :data:`MAX_GAPS` longest intervals without a measurement, longest first."""
-    unmeasured = np.isin(series.point_state, (MISSING, FILLED))
-    padded = np.pad(unmeasured, [(1, 1), (0, 0), (0, 0)])
-    steps = np.diff(padded.astype(np.int8), axis=0)
-    # Sorted by person, keypoint and frame, the n-th start and the n-th end belong to the same gap.
-    person, keypoint, start = np.nonzero(np.moveaxis(steps, 0, -1) > 0)
-    stop = np.nonzero(np.moveaxis(steps, 0, -1) < 0)[2]
+    found = [np.empty((4, 0), dtype=np.int64)]
+    for p in range(series.point_state.shape[1]):
+        state = series.point_state[:, p]
+        unmeasured = np.pad((state == MISSING) | (state == FILLED), [(1, 1), (0, 0)])
+        steps = np.diff(unmeasured.view(np.int8), axis=0).T
+        # Sorted by keypoint and frame, the n-th start and the n-th end belong to the same gap.
+        keypoint, start = np.nonzero(steps > 0)
+        found.append(np.stack([np.full(len(start), p), keypoint, start, np.nonzero(steps < 0)[1]]))
+    person, keypoint, start, stop = np.concatenate(found, axis=1)
     longest = np.lexsort((keypoint, person, start, start - stop))[:MAX_GAPS]
     return [
         Gap(

@@ -30,7 +30,7 @@ from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.tracker import ArticulatedTracker
 
 _BLOCK_S = 5.0
-_MAX_CACHED_BLOCKS = 4
+_MAX_CACHED_BLOCKS = 2
 _OTHER_BODY = 0.04
 """Median relative change of fixed lengths beyond which they are those of another body."""
 
