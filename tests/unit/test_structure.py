@@ -122,7 +122,6 @@ TESTED_ELSEWHERE = {
         "diagnostics/joint_recording.py",
         "diagnostics/left_right_swaps.py",
         "diagnostics/lenses.py",
-        "diagnostics/observations.py",
         "diagnostics/sample_points.py",
         "diagnostics/verdict.py",
         "diagnostics/view_overlap.py",

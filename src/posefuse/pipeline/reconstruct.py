@@ -129,7 +129,7 @@ def prepare(
         checkpoint: stores the state of tracking. If tracking is interrupted, the plan covers the frames tracked so far.
         find: assigns detections to people, by default :func:`find_subjects`. It gets a checkpoint of its own in a world
             of another size.
-        jobs: processes that read ahead and measure samples.
+        jobs: processes that track hands and faces and measure samples.
     """
     find = find or partial(find_subjects, jobs=jobs)
     plan = examine(rig, detections, options, progress, partial(find, checkpoint=checkpoint))

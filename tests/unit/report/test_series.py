@@ -8,6 +8,7 @@ import pytest
 from posefuse.model.status import PointStatus
 from posefuse.report.html import render_report
 from posefuse.report.series import (
+    ABSENT,
     FILLED,
     MEASURED,
     MISSING,
@@ -92,3 +93,18 @@ def test_interval_has_most_frequent_state_or_worse_one_of_a_tie():
     point_state = np.array([MEASURED, MEASURED, FILLED, MEASURED, FILLED, MISSING])
     assert majority_per_interval(point_state, np.array([0, 3])).tolist() == [MEASURED, MISSING]
     assert mean_per_interval(np.array([1.0, np.nan, 3.0, np.nan]), np.array([0, 3])).tolist()[0] == 2.0
+
+
+@pytest.mark.parametrize("n_frames", [4097, 6000, 12_345, 90_000])
+def test_intervals_do_not_depend_on_the_blocks_in_which_they_are_read(n_frames):
+    rng = np.random.default_rng(n_frames)
+    starts = np.linspace(0, n_frames, 600, endpoint=False).astype(int)
+    values = rng.normal(size=(n_frames, 3))
+    values[rng.random(values.shape) < 0.1] = np.nan
+    states = rng.integers(0, 4, (n_frames, 2, 3), dtype=np.int8)
+    spans = list(zip(starts, [*starts[1:], n_frames], strict=True))
+    np.testing.assert_allclose(mean_per_interval(values, starts), [np.nanmean(values[a:b], axis=0) for a, b in spans])
+    # The state of a tie that comes first in this order is the worse one.
+    order = [MISSING, FILLED, MEASURED, ABSENT]
+    expected = [np.argmax([(states[a:b] == code).sum(axis=0) for code in order], axis=0) for a, b in spans]
+    np.testing.assert_array_equal(majority_per_interval(states, starts), np.array(order)[np.array(expected)])

@@ -112,7 +112,7 @@ def test_newcomer_with_the_name_of_a_lost_person_is_renamed_from_the_first_frame
     """The third person appears 2 s after the first one was lost, and is taken for that one for 1.2 s."""
     scene, gaps = with_gaps(room(3, 5), "new", 5)
     tracker = tracker_for(scene, TrackerOptions(reidentification=ReidentificationOptions(min_log_odds=-3.0)))
-    recorder, n = Recorder(History(tracker.settings), ()), gaps[0].stop + 10
+    recorder, n = Recorder(History(tracker.settings)), gaps[0].stop + 10
     names: list[set[str]] = []
     for i in range(n):
         result = tracker.process(Frame.of(scene.detections, i))
@@ -120,7 +120,7 @@ def test_newcomer_with_the_name_of_a_lost_person_is_renamed_from_the_first_frame
         names.append({each.name for each in result.people.people if each.state == TrackState.ACTIVE})
     assert "identities_swapped" in {event.what for event in recorder.events}
     offsets = np.asarray(scene.detections.offsets)[: 5 * n + 1]
-    people = recorder.close(offsets, 5)
+    people = recorder.close((), offsets, 5)
     rows = people.recording_tracks.rows(scene.detections.frames(0, n))
     named = [
         {

@@ -52,7 +52,7 @@ def find_subjects(
         options: options with ``people`` resolved.
         progress: receives the progress.
         checkpoint: stores the state of tracking.
-        jobs: with several, a thread reads ahead.
+        jobs: as of :func:`track_people`.
         stored: indices of frames before which the tracker of many people is stored; see :func:`track_people`.
 
     Raises:
@@ -76,7 +76,7 @@ def find_subjects(
         return subject, None
     if len(rig) == 1:
         raise OptionsError("bodies = 'fit' needs two cameras or more; this rig has one.")
-    tracked = track_subject(rig, detections, subject, options, progress, checkpoint)
+    tracked = track_subject(rig, detections, subject, options, progress, checkpoint, jobs=jobs)
     warn_of_interruption(tracked, detections)
     if not tracked.recording_tracks.person_ids:
         raise DetectionsError(

@@ -85,7 +85,8 @@ class PartFollower:
     def __init__(self, recorders: list[PartRecorder], checkpoint: Checkpoint, jobs: Jobs) -> None:
         self._recorders, self._checkpoint, self._jobs = recorders, checkpoint, jobs
         self._spools = part_spools(checkpoint, len(recorders))
-        self._working: list[Callable[[], PartRecorder]] = []
+        self._working: dict[int, Callable[[], PartRecorder]] = {}
+        """By index of the part, functions that wait for its recorder; each is to be called once."""
         self._saving: Future[None] | None = None
 
     def follow(self, first: int, frames: BodyFrames) -> None:
@@ -99,9 +100,8 @@ class PartFollower:
             for i in behind:
                 recorders[i].follow(frames)
         else:
-            self._working = [
-                self._jobs.begin(_follow_elsewhere, (recorders[i], self._spools[i], frames)) for i in behind
-            ]
+            for i in behind:
+                self._working[i] = self._jobs.begin(_follow_elsewhere, (recorders[i], self._spools[i], frames))
 
     def wait(self) -> list[PartRecorder]:
         """Return the recorders after all frames that were passed on, when they are stored if they are being stored."""
@@ -114,7 +114,8 @@ class PartFollower:
     def save(self) -> None:
         """Store the recorders after all frames that were passed on."""
         self._finish()
-        self._replace([self._checkpoint.save(_name(i), recorder) for i, recorder in enumerate(self._recorders)])
+        for i, recorder in enumerate(self._recorders):
+            self._replace(i, self._checkpoint.save(_name(i), recorder))
 
     def begin_save(self, thread: Executor) -> Executor:
         """Do the same in a thread, and return the thread for work that must not begin unless it succeeds."""
@@ -122,16 +123,17 @@ class PartFollower:
         return _After(self._saving, thread)
 
     def _finish(self) -> None:
-        if self._working:
-            self._replace([result() for result in self._working])
-            self._working = []
+        # An interruption may end this loop; the next call continues it.
+        while self._working:
+            i = next(iter(self._working))
+            self._replace(i, self._working.pop(i)())
 
-    def _replace(self, recorders: list[PartRecorder]) -> None:
-        """Continue with copies of the recorders."""
-        for recorder, spool in zip(recorders, self._spools, strict=True):
-            if spool is not None:
-                recorder.history.attach_spool(spool)
-        self._recorders = recorders
+    def _replace(self, i: int, recorder: PartRecorder) -> None:
+        """Continue with a copy of a recorder."""
+        spool = self._spools[i]
+        if spool is not None:
+            recorder.history.attach_spool(spool)
+        self._recorders[i] = recorder
 
 
 class _After(Executor):

@@ -49,6 +49,7 @@ def track_subject(
     progress: Progress,
     checkpoint: Checkpoint = NO_CHECKPOINT,
     make_tracker: Callable[[Options], ArticulatedTracker] | None = None,
+    jobs: Jobs = ONE_JOB,
 ) -> TrackedPeople:
     """Fit a body to the single subject of a recording by tracking its detections.
 
@@ -60,6 +61,7 @@ def track_subject(
         progress: receives the progress.
         checkpoint: stores the state of tracking.
         make_tracker: returns a tracker with options for a single subject; by default, one for this recording is made.
+        jobs: as of :func:`track_people`.
 
     Raises:
         DetectionsError: if frames have no times.
@@ -84,7 +86,7 @@ def track_subject(
     )
     options = replace(options, tracker=tracker)
     made = None if make_tracker is None else make_tracker(options)
-    found = track_people(rig, alone, options, progress, checkpoint, made)
+    found = track_people(rig, alone, options, progress, checkpoint, made, jobs)
     # Views that show several people have more detections than the tracker saw.
     index = np.where(np.asarray(found.recording_tracks.detection) >= 0, tracks.detection[: found.n_frames], -1)
     return replace(found, recording_tracks=replace(found.recording_tracks, detection=index))
@@ -110,7 +112,7 @@ def track_people(
         checkpoint: stores the state every ``chunk_frames``. If it does, an interruption ends the recording there;
             :func:`warn_of_interruption` says so.
         tracker: tracker that has processed all frames before the first; a new one if it is None.
-        jobs: with several, a thread reads ahead, another one stores, and a process tracks hands and faces.
+        jobs: with several, a thread reads ahead, another one stores, and processes track hands and faces.
         stored: indices of frames, in ascending order; the checkpoint stores the tracker as it is before each of them,
             under the name that :func:`tracker_name` returns. People are tracked again from the start if one of them is
             missing.
@@ -121,7 +123,8 @@ def track_people(
     """
     times_s = frame_times(detections)
     begun = _load(checkpoint)
-    if begun is None or any(checkpoint.load(tracker_name(place)) is None for place in stored if place <= begun[0].done):
+    reached = 0 if begun is None else max(each.done for each in (begun[0], *begun[1]))
+    if begun is None or any(checkpoint.load(tracker_name(place)) is None for place in stored if place <= reached):
         begun = _begin(tracker or first_tracker(rig, detections, options), checkpoint)
         if 0 in stored:
             checkpoint.save(tracker_name(0), begun[0].tracker_with(begun[1]))
@@ -140,7 +143,8 @@ def track_people(
                 bounds = [start, *(place for place in stored if start < place <= stop), stop]
                 for first, last in itertools.pairwise(bounds):
                     stage.advance(chunk.frames(first - start, last - start), times_s[first:last], follower)
-                    if last in stored:
+                    # An earlier run stored the tracker before the parts that are ahead of the bodies now.
+                    if last in stored and not _are_ahead(follower.wait(), stage):
                         checkpoint.save(tracker_name(last), stage.tracker_with(follower.wait()))
                 stage = store.save(stage, follower)
                 progress.advance(stop - start)
@@ -151,7 +155,7 @@ def track_people(
             store.wait()
             follower.wait()
             saved = _load(checkpoint)
-            if saved is None or not checkpoint.enabled:
+            if saved is None or not checkpoint.enabled or _are_ahead(saved[1], saved[0]):
                 raise
             stage, parts = saved
     progress.finish()
@@ -264,6 +268,10 @@ def _load(checkpoint: Checkpoint) -> tuple[_Stage, list[PartRecorder]] | None:
         return None
     stage.attach(_Store(checkpoint))
     return stage, parts
+
+
+def _are_ahead(parts: Sequence[PartRecorder], stage: _Stage) -> bool:
+    return any(part.done > stage.done for part in parts)
 
 
 class _Store:

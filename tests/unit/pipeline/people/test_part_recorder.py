@@ -9,6 +9,7 @@ import pytest
 
 from posefuse.checkpoint import NO_CHECKPOINT
 from posefuse.io.checkpoints import CheckpointFolder, digest_of
+from posefuse.io.part_content import Packed
 from posefuse.model.options.options import Options
 from posefuse.parallel import ONE_JOB, Jobs
 from posefuse.pipeline.people.initial_noise import default_noise
@@ -99,6 +100,54 @@ def test_recorders_ahead_of_the_bodies_wait_for_them(tracked, expected, tmp_path
     for (start, _), piece in zip(PIECES[1:], tracked[1][1:], strict=True):
         follower.follow(start, piece)
     assert recorded(follower.wait()) == expected
+
+
+def test_processes_continue_with_parts_that_are_behind_others(tracked, expected, tmp_path, monkeypatch):
+    """A run killed between the stores of two parts leaves only the first one ahead."""
+    checkpoint = checkpoint_in(tmp_path)
+    follower = PartFollower(recorders(tracked[0], checkpoint), checkpoint, ONE_JOB)
+    follower.follow(0, tracked[1][0])
+    follower.save()
+    follower.follow(20, tracked[1][1])
+    store = CheckpointFolder._store
+
+    def killed(self: CheckpointFolder, name: str, content: Packed) -> None:
+        if name == "tracking_part_1":
+            raise KeyboardInterrupt
+        store(self, name, content)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(CheckpointFolder, "_store", killed)
+        with pytest.raises(KeyboardInterrupt):
+            follower.save()
+    loaded = load_parts(checkpoint, len(WHOLE.parts))
+    assert loaded is not None
+    assert [part.done for part in loaded] == [35, 20, 20]
+    with Jobs(2) as jobs:
+        follower = PartFollower(loaded, checkpoint, jobs)
+        for (start, _), piece in zip(PIECES[1:], tracked[1][1:], strict=True):
+            follower.follow(start, piece)
+        assert recorded(follower.wait()) == expected
+
+
+def test_interruption_while_results_are_awaited_can_be_repeated(tracked, tmp_path, monkeypatch):
+    checkpoint = checkpoint_in(tmp_path)
+    with Jobs(2) as jobs:
+        follower = PartFollower(recorders(tracked[0], checkpoint), checkpoint, jobs)
+        follower.follow(0, tracked[1][0])
+        replace, seen = PartFollower._replace, []
+
+        def interrupted(self: PartFollower, i: int, recorder: PartRecorder) -> None:
+            seen.append(i)
+            if len(seen) == 2:
+                raise KeyboardInterrupt
+            replace(self, i, recorder)
+
+        monkeypatch.setattr(PartFollower, "_replace", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            follower.wait()
+        follower.wait()
+    assert seen == [0, 1, 2]
 
 
 def test_a_missing_part_is_not_resumed(tracked, tmp_path):

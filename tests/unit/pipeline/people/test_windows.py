@@ -1,14 +1,24 @@
 """Windows cover a recording, and the frames that influence their bodies; tracking continues from any frame."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from posefuse.io.checkpoints import CheckpointFolder, digest_of
+from posefuse.io.part_content import Packed
 from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
-from posefuse.pipeline.people.track_recording import continue_tracking, first_tracker, frame_times, track_people
+from posefuse.pipeline.people.track_recording import (
+    continue_tracking,
+    first_tracker,
+    frame_times,
+    track_people,
+    tracker_name,
+)
 from posefuse.pipeline.people.windows import windows_of
 from posefuse.progress import Silent
 from posefuse.synthetic.crowd_options import CrowdOptions
@@ -55,3 +65,36 @@ def test_tracking_continues_while_a_person_is_tentative(first):
     seen = np.asarray(rest.recording_tracks.detection) >= 0
     assert seen[5:].any(axis=(1, 2)).all()
     np.testing.assert_array_equal(np.asarray(rest.recording_tracks.detection)[seen], expected[seen])
+
+
+@pytest.mark.parametrize("part", ["tracking", "tracking_part_1"])
+def test_resumed_run_keeps_stored_trackers(part, tmp_path, monkeypatch):
+    """A run is killed when hands and faces are stored, but not the bodies; a tracker was stored in between."""
+    scene = simulate_crowd(CrowdOptions(people=2, cameras=4, duration_s=2.0, seed=3, skeleton="coco_wholebody_133"))
+    options = Options(people="many", noise_scale_px=14.0, chunk_frames=20)
+    place, store = 33, CheckpointFolder._store
+    calls: list[str] = []
+
+    def track(folder: Path) -> CheckpointFolder:
+        checkpoint = CheckpointFolder(folder, digest_of({}))
+        track_people(scene.rig, scene.detections, options, Silent(), checkpoint, stored=(0, place))
+        return checkpoint
+
+    def killed(self: CheckpointFolder, name: str, content: Packed) -> None:
+        calls.append(name)
+        if calls.count(part) == 2:
+            raise RuntimeError("killed")
+        store(self, name, content)
+
+    whole = track(tmp_path / "whole")
+    with monkeypatch.context() as patched:
+        patched.setattr(CheckpointFolder, "_store", killed)
+        with pytest.raises(RuntimeError, match="killed"):
+            track(tmp_path / "resumed")
+    assert tracker_name(place) in calls
+    resumed = track(tmp_path / "resumed")
+    trackers = [checkpoint.load(tracker_name(place)) for checkpoint in (whole, resumed)]
+    for one, other in zip(*(tracker.parts for tracker in trackers), strict=True):
+        assert len(one.tracks) == 2
+        for first, second in zip(one.state, other.state, strict=True):
+            np.testing.assert_array_equal(first, second)
