@@ -129,7 +129,7 @@ def test_finished_work_is_not_repeated(crowd, whole, tmp_path, monkeypatch):
     checkpoint = CheckpointFolder(tmp_path / "parts", "key")
     assert made(crowd, MANY, tmp_path / "made.nc", checkpoint) == whole
     monkeypatch.setattr("posefuse.pipeline.measured_layer.measure", None)
-    monkeypatch.setattr("posefuse.tracking.tracker.ArticulatedTracker.process", None)
+    monkeypatch.setattr("posefuse.tracking.tracker.ArticulatedTracker.track_bodies", None)
     assert made(crowd, MANY, tmp_path / "made.nc", checkpoint) == whole
 
 
@@ -157,7 +157,7 @@ def test_interruption_without_a_checkpoint_is_raised(crowd, monkeypatch):
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("posefuse.tracking.tracker.ArticulatedTracker.process", interrupted)
+    monkeypatch.setattr("posefuse.tracking.tracker.ArticulatedTracker.track_bodies", interrupted)
     with pytest.raises(KeyboardInterrupt):
         prepare(*crowd, MANY, Silent())
 

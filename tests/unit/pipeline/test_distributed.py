@@ -135,7 +135,7 @@ def test_interrupted_tracking_promises_no_partial_result(tmp_path, monkeypatch):
     """Of a divided recording there is none, and the next run continues after the last chunk."""
     scene = simulate_people(9.0, 2, 3)
     options = Options(people="many", noise_scale_px=14.0, pairs="labels", chunk_frames=75)
-    process, left = ArticulatedTracker.process, [100]
+    process, left = ArticulatedTracker.track_bodies, [100]
 
     def interrupted(tracker: ArticulatedTracker, frame: Frame) -> object:
         left[0] -= 1
@@ -144,7 +144,7 @@ def test_interrupted_tracking_promises_no_partial_result(tmp_path, monkeypatch):
         return process(tracker, frame)
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt), warnings.catch_warnings():
-        patch.setattr(ArticulatedTracker, "process", interrupted)
+        patch.setattr(ArticulatedTracker, "track_bodies", interrupted)
         warnings.simplefilter("error")
         distributed(scene, options, tmp_path / "x", 4.5)
     check_same(reconstruct(scene.rig, scene.detections, options), distributed(scene, options, tmp_path / "x", 4.5))
