@@ -56,8 +56,8 @@ class OutputFile(h5netcdf.File):
         for name, size in sizes.items():
             self.dimensions[name] = size
             self._keep_open(name)
-        # A variable of the same name replaces the dimension's own one, which remains as unused bytes of the file: what
-        # they contain must not depend on whether this process reads the file, which also writes what is in memory.
+        # A variable replaces the dataset of a dimension of the same name, whose bytes remain in the file. They are
+        # written here, since later they would be written only if this process also reads the file and so flushes it.
         cast("h5py.File", self._h5file).flush()
 
     def _keep_open(self, name: str) -> None:

@@ -19,6 +19,7 @@ MAX_INTERVALS = 600
 MAX_BONES = 40
 MAX_GAPS = 25
 _BLOCK_FRAMES = 4096
+"""Approximate number of frames whose intervals are summarized at a time."""
 
 MISSING, MEASURED, FILLED, ABSENT = 0, 1, 2, 3
 """States of a point in a frame."""

@@ -23,7 +23,7 @@ from posefuse.model.tracks import TrackState
 from posefuse.skeleton.parts import Part
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.skeleton.trees import Tree
-from posefuse.tracking.body_frames import BodyFrame, mirror_images
+from posefuse.tracking.body_frames import BodyFrame
 from posefuse.tracking.body_states import (
     ProjectedBodies,
     empty_state,
@@ -307,15 +307,18 @@ def certain_directions(
     return certain
 
 
-def part_trackers(whole: TrackerSettings) -> tuple[PartTracker, ...]:
+def part_trackers(whole: TrackerSettings, images: Sequence[int | None]) -> tuple[PartTracker, ...]:
     """Return trackers of all parts of the skeleton, which do not depend on each other.
 
     Args:
         whole: Settings of the bodies.
+        images: Index of the part that mirrors each part, or None.
     """
     parts = whole.skeleton.parts
-    images = (None if image is None else parts[image].keypoints for image in mirror_images(whole.skeleton))
-    return tuple(PartTracker(part, i, image, whole) for i, (part, image) in enumerate(zip(parts, images, strict=True)))
+    return tuple(
+        PartTracker(part, i, None if image is None else parts[image].keypoints, whole)
+        for i, (part, image) in enumerate(zip(parts, images, strict=True))
+    )
 
 
 def add_parts(trackers: Sequence[PartTracker], people: People) -> None:

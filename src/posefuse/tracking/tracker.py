@@ -53,10 +53,10 @@ class ArticulatedTracker:
         self.book = Bookkeeping.new(len(settings.rig))
         """Tentative tracks, camera statistics and contacts."""
         self.clock = FrameClock()
-        self.parts = part_trackers(settings)
-        """Trackers of hands and faces, which do not change the bodies; none while others track them."""
         self.images = mirror_images(settings.skeleton)
-        """Indices of the parts that mirror each part, or None."""
+        """Index of the part that mirrors each part, or None."""
+        self.parts = part_trackers(settings, self.images)
+        """Trackers of hands and faces, which do not change the bodies; empty while they are used elsewhere."""
 
     def update(self, frame: Frame) -> People:
         """Process a frame and return all people in it; see :meth:`process`."""
@@ -72,9 +72,9 @@ class ArticulatedTracker:
         return tracked
 
     def track_bodies(self, frame: Frame) -> TrackedFrame:
-        """Process a frame, and leave hands and faces out.
+        """Process a frame without hands and faces.
 
-        Each of ``parts`` takes the bodies of all frames, in order, and tracks one of them, here or elsewhere.
+        Each of ``parts`` can track its part from the bodies of all frames, passed to it in order.
 
         Args:
             frame: A frame later than the last one.

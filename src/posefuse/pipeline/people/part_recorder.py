@@ -90,9 +90,9 @@ class PartFollower:
         self._saving: Future[None] | None = None
 
     def follow(self, first: int, frames: BodyFrames) -> None:
-        """Pass more frames on, of which ``first`` is the index.
+        """Pass more frames on; ``first`` is the index of the first of them.
 
-        Frames that recorders from a checkpoint have processed already are left out.
+        A recorder from a checkpoint skips frames that it has processed already.
         """
         recorders = self.wait()
         behind = [i for i, recorder in enumerate(recorders) if recorder.done <= first]
@@ -104,7 +104,7 @@ class PartFollower:
                 self._working[i] = self._jobs.begin(_follow_elsewhere, (recorders[i], self._spools[i], frames))
 
     def wait(self) -> list[PartRecorder]:
-        """Return the recorders after all frames that were passed on, when they are stored if they are being stored."""
+        """Wait until all frames are processed, and a save that has begun is complete; return the recorders."""
         if self._saving is not None:
             self._saving.result()
             self._saving = None
@@ -112,13 +112,13 @@ class PartFollower:
         return self._recorders
 
     def save(self) -> None:
-        """Store the recorders after all frames that were passed on."""
+        """Wait until all frames are processed, and store the recorders."""
         self._finish()
         for i, recorder in enumerate(self._recorders):
             self._replace(i, self._checkpoint.save(_name(i), recorder))
 
     def begin_save(self, thread: Executor) -> Executor:
-        """Do the same in a thread, and return the thread for work that must not begin unless it succeeds."""
+        """Do the same in a thread; return an executor for work in this thread that needs its success."""
         self._saving = thread.submit(self.save)
         return _After(self._saving, thread)
 
@@ -137,13 +137,13 @@ class PartFollower:
 
 
 class _After(Executor):
-    """A thread for work that needs the success of work given to the same thread before."""
+    """Runs work in a thread if work that was submitted to the same thread before has succeeded."""
 
     def __init__(self, before: Future[None], thread: Executor) -> None:
         self._before, self._thread = before, thread
 
     def submit(self, fn: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
-        """Give work to the thread."""
+        """Submit work to the thread."""
 
         def work() -> Any:
             self._before.result()

@@ -127,7 +127,7 @@ def track_people(
     if begun is None or any(checkpoint.load(tracker_name(place)) is None for place in stored if place <= reached):
         begun = _begin(tracker or first_tracker(rig, detections, options), checkpoint)
         if 0 in stored:
-            checkpoint.save(tracker_name(0), begun[0].tracker_with(begun[1]))
+            _store_tracker(checkpoint, *begun)
     stage, parts = begun
     progress.start("tracking people", detections.n_frames)
     progress.advance(stage.done)
@@ -143,9 +143,8 @@ def track_people(
                 bounds = [start, *(place for place in stored if start < place <= stop), stop]
                 for first, last in itertools.pairwise(bounds):
                     stage.advance(chunk.frames(first - start, last - start), times_s[first:last], follower)
-                    # An earlier run stored the tracker before the parts that are ahead of the bodies now.
-                    if last in stored and not _are_ahead(follower.wait(), stage):
-                        checkpoint.save(tracker_name(last), stage.tracker_with(follower.wait()))
+                    if last in stored:
+                        _store_tracker(checkpoint, stage, follower.wait())
                 stage = store.save(stage, follower)
                 progress.advance(stop - start)
             store.wait()
@@ -243,12 +242,6 @@ class _Stage:
                 follower.follow(self.done, (*piece, bodies))
             self.done += last - first
 
-    def tracker_with(self, parts: Sequence[PartRecorder]) -> ArticulatedTracker:
-        """Return the tracker with those of hands and faces."""
-        whole = copy(self.tracker)
-        whole.parts = tuple(part.tracker for part in parts)
-        return whole
-
 
 def _begin(tracker: ArticulatedTracker, checkpoint: Checkpoint) -> tuple[_Stage, list[PartRecorder]]:
     """Return the state before the first frame."""
@@ -271,7 +264,19 @@ def _load(checkpoint: Checkpoint) -> tuple[_Stage, list[PartRecorder]] | None:
 
 
 def _are_ahead(parts: Sequence[PartRecorder], stage: _Stage) -> bool:
+    """Return whether the records of hands and faces include later frames than that of the bodies."""
     return any(part.done > stage.done for part in parts)
+
+
+def _store_tracker(checkpoint: Checkpoint, stage: _Stage, parts: Sequence[PartRecorder]) -> None:
+    """Store the tracker with those of hands and faces as they are before the next frame.
+
+    If these are ahead of the bodies, an earlier run has stored the tracker.
+    """
+    if not _are_ahead(parts, stage):
+        whole = copy(stage.tracker)
+        whole.parts = tuple(part.tracker for part in parts)
+        checkpoint.save(tracker_name(stage.done), whole)
 
 
 class _Store:
