@@ -20,15 +20,11 @@ A range of frames takes one group of every table."""
 
 
 @dataclass(frozen=True)
-class Index:
-    """Rows of tables in the order of :class:`Detections`: by frame, then view. A cell is a row of a table.
+class PeopleIndex:
+    """Where the people of :class:`Detections` are in the tables, in their order.
 
     Attributes:
         files: The tables.
-        frame: Shape (cell,), int64: frame number.
-        view: Shape (cell,): index of the view.
-        people: Shape (cell,): number of people.
-        time_s: Shape (cell,), or None if the tables have no times.
         file_of: Shape (person,): index of the table that contains the person.
         place_of: Shape (person,): index of the person in that table.
         group_ends: For each table, shape (row group + 1,): number of people before each row group.
@@ -36,19 +32,29 @@ class Index:
     """
 
     files: tuple[Path, ...]
-    frame: np.ndarray
-    view: np.ndarray
-    people: np.ndarray
-    time_s: np.ndarray | None
     file_of: np.ndarray
     place_of: np.ndarray
     group_ends: tuple[np.ndarray, ...]
     n_keypoints: int
 
-    def of_people(self) -> "Index":
-        """Return what finds people in the tables, without the cells, which take half of the memory."""
-        nothing = np.empty(0, dtype=np.int64)
-        return replace(self, frame=nothing, view=nothing, people=nothing, time_s=None)
+
+@dataclass(frozen=True)
+class Index:
+    """Rows of tables in the order of :class:`Detections`: by frame, then view. A cell is a row of a table.
+
+    Attributes:
+        frame: Shape (cell,), int64: frame number.
+        view: Shape (cell,): index of the view.
+        people: Shape (cell,): number of people.
+        time_s: Shape (cell,), or None if the tables have no times.
+        places: Where the people of all cells are.
+    """
+
+    frame: np.ndarray
+    view: np.ndarray
+    people: np.ndarray
+    time_s: np.ndarray | None
+    places: PeopleIndex
 
 
 @dataclass(frozen=True)
@@ -99,35 +105,29 @@ def index_files(files: Sequence[Path], names: Sequence[str], columns: dict[str, 
     table_of = np.repeat(np.arange(len(tables), dtype=np.int32), [len(table.frame) for table in tables])[order]
     people = people[order]
     starts = np.cumsum(people) - people
-    return tuple(views), Index(
-        tuple(files), frame, view, people, _times(tables, order),
-        np.repeat(table_of, people), np.repeat(first - starts, people) + np.arange(int(people.sum())),
+    places = PeopleIndex(
+        tuple(files), np.repeat(table_of, people), np.repeat(first - starts, people) + np.arange(int(people.sum())),
         tuple(table.group_ends for table in tables), lengths[0] if lengths else 0,
     )  # fmt: skip
+    return tuple(views), Index(frame, view, people, _times(tables, order), places)
 
 
-def reordered(index: Index, places: np.ndarray) -> Index:
+def reordered(index: Index, positions: np.ndarray) -> Index:
     """Return an index with its views in another order.
 
     Args:
         index: The index.
-        places: New position of each view. The order of people within a cell is kept.
+        positions: New position of each view. The order of people within a cell is kept.
     """
-    view = places[index.view]
+    view = positions[index.view]
     order = np.lexsort((view, index.frame))
     starts = np.cumsum(index.people) - index.people
     people = index.people[order]
     new_starts = np.cumsum(people) - people
     rows = np.repeat(starts[order] - new_starts, people) + np.arange(int(people.sum()))
-    return replace(
-        index,
-        frame=index.frame[order],
-        view=view[order],
-        people=people,
-        time_s=None if index.time_s is None else index.time_s[order],
-        file_of=index.file_of[rows],
-        place_of=index.place_of[rows],
-    )
+    time_s = None if index.time_s is None else index.time_s[order]
+    places = replace(index.places, file_of=index.places.file_of[rows], place_of=index.places.place_of[rows])
+    return Index(index.frame[order], view[order], people, time_s, places)
 
 
 def _times(tables: Sequence[_Table], order: np.ndarray) -> np.ndarray | None:
@@ -210,9 +210,11 @@ def _cameras(file: Path, table: Any, name: str, views: list[str], columns: dict[
 class _PersonRows(LazyArray):
     """A column of lists, as an array with one row per person."""
 
-    def __init__(self, index: Index, column: str | None, shape: tuple[int, ...], dtype: type = np.float64) -> None:
+    def __init__(
+        self, index: PeopleIndex, column: str | None, shape: tuple[int, ...], dtype: type = np.float64
+    ) -> None:
         super().__init__((len(index.place_of), *shape), dtype)
-        self._index, self._column = index.of_people(), column
+        self._index, self._column = index, column
         self._recent: dict[tuple[int, int], np.ndarray] = {}
 
     def __getstate__(self) -> dict[str, Any]:
@@ -284,14 +286,14 @@ class NumberRows(_PersonRows):
     """Pixels, confidences, or other numbers of keypoints.
 
     Args:
-        index: Index of the tables.
+        index: Where the people are in the tables.
         column: Name of the column.
         channels: Indices of the numbers of each keypoint to read. Empty if the column has one number per keypoint.
         zero_is_missing: Whether a keypoint at (0, 0) is missing.
     """
 
     def __init__(
-        self, index: Index, column: str, channels: Sequence[int] = (), *, zero_is_missing: bool = False
+        self, index: PeopleIndex, column: str, channels: Sequence[int] = (), *, zero_is_missing: bool = False
     ) -> None:
         depth = (len(channels),) if len(channels) > 1 else ()
         super().__init__(index, column, (index.n_keypoints, *depth))
@@ -317,7 +319,7 @@ class NumberRows(_PersonRows):
 class TrackRows(_PersonRows):
     """Track ids stated by the detector, -1 if the tables have none."""
 
-    def __init__(self, index: Index, column: str | None) -> None:
+    def __init__(self, index: PeopleIndex, column: str | None) -> None:
         super().__init__(index, column, (), np.int64)
 
     def _values(self, column: Any) -> np.ndarray:

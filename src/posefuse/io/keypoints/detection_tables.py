@@ -29,7 +29,7 @@ from posefuse.errors import FileError, choices
 from posefuse.io.arrow import import_pyarrow
 from posefuse.io.files import checked_file_name, natural_key, reading, replacing_folder
 from posefuse.io.keypoints.columns import common_frames, rate_of_frames
-from posefuse.io.keypoints.detection_rows import Index, NumberRows, TrackRows, index_files, reordered
+from posefuse.io.keypoints.detection_rows import Index, NumberRows, PeopleIndex, TrackRows, index_files, reordered
 from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.infer_skeleton import infer_skeleton, no_skeleton, wrong_skeleton
 from posefuse.io.keypoints.parquet_metadata import RecordingMetadata, column_names, metadata_of, read_metadata
@@ -141,11 +141,11 @@ def _detections(
     if index.time_s is not None:
         times[cells] = index.time_s
         rate = rate or rate_of_frames(times)
-    skeleton, notes = _skeleton(path, index, columns, request, recording)
-    index = replace(index, n_keypoints=len(skeleton))
+    skeleton, notes = _skeleton(path, index.places, columns, request, recording)
+    places = replace(index.places, n_keypoints=len(skeleton))
 
     def numbers_of(kind: str) -> np.ndarray | None:
-        return as_array(NumberRows(index, columns[kind])) if kind in columns else None
+        return as_array(NumberRows(places, columns[kind])) if kind in columns else None
 
     confidence = numbers_of("scores")
 
@@ -155,10 +155,10 @@ def _detections(
         frame_numbers=numbers,
         time_s=times,
         offsets=np.concatenate([[0], np.cumsum(people)]),
-        keypoints_px=as_array(NumberRows(index, columns["kps"], (0, 1), zero_is_missing=recording is None)),
-        confidence=as_array(NumberRows(index, columns["kps"], (2,))) if confidence is None else confidence,
+        keypoints_px=as_array(NumberRows(places, columns["kps"], (0, 1), zero_is_missing=recording is None)),
+        confidence=as_array(NumberRows(places, columns["kps"], (2,))) if confidence is None else confidence,
         recorded=recorded,
-        track_ids=as_array(TrackRows(index, columns.get("track"))),
+        track_ids=as_array(TrackRows(places, columns.get("track"))),
         depth=numbers_of("depth"),
         sigma_px=numbers_of("sigma"),
         rate_hz=rate,
@@ -167,7 +167,7 @@ def _detections(
 
 
 def _skeleton(
-    path: Path, index: Index, columns: dict[str, str], request: Request, recording: RecordingMetadata | None
+    path: Path, index: PeopleIndex, columns: dict[str, str], request: Request, recording: RecordingMetadata | None
 ) -> tuple[Skeleton, tuple[str, ...]]:
     skeleton, notes = request.skeleton, ()
     if recording is not None:
