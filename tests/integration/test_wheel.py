@@ -4,6 +4,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from scripts import build_wheel as with_kernels
 from scripts.install_sizes import Installation, build_wheel, install
 
 pytestmark = pytest.mark.long
@@ -24,6 +25,15 @@ def core(wheel, tmp_path_factory) -> Installation:
 @pytest.fixture(scope="module")
 def with_extras(wheel, tmp_path_factory) -> Installation:
     return install(wheel, tmp_path_factory.mktemp("extras") / "venv", ("plot", "parquet", "calibrate", "video"))
+
+
+@pytest.fixture(scope="module")
+def with_machine_code(tmp_path_factory) -> Installation:
+    if not with_kernels.is_supported():
+        pytest.skip("Kernels are compiled for wheels on Linux and x86-64 only.")
+    folder = tmp_path_factory.mktemp("kernels")
+    with_kernels.build(folder)
+    return install(next(folder.glob("*.whl")), folder / "venv")
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +65,19 @@ def test_help_and_demo(core, tmp_path):
 def test_default_outputs_need_no_extra(result):
     names = {file.name for file in (result / "OUT").iterdir()}
     assert {"reconstruction.nc", "keypoints.csv", "person_1.trc", "person_1.c3d", "report.html"} <= names
+
+
+def test_a_wheel_with_machine_code_compiles_nothing(with_machine_code, tmp_path):
+    def run_here(*arguments: str) -> str:
+        return run(with_machine_code, tmp_path, *arguments)
+
+    run_here("simulate-people", "people", "--people", "2", "--skeleton", "coco_wholebody_133", "--duration-s", "2.5")
+    installed = with_machine_code.python.parent.parent
+    compiled = set(installed.rglob("*.nbc")) | set(tmp_path.rglob("*.nbc"))
+    run_here("demo")
+    run_here("reconstruct", "people", "--output", "OUT", "--accept-findings")
+    assert set(installed.rglob("*.nbc")) | set(tmp_path.rglob("*.nbc")) == compiled
+    assert "MB in the package" in run_here("doctor")
 
 
 @pytest.mark.parametrize(

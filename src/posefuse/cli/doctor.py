@@ -85,9 +85,11 @@ def _print(found: "Installation") -> None:
     memory = "" if found.memory_gb is None else f", {found.memory_gb:.0f} GB of memory"
     gpu = "NVIDIA GPU for detectors" if found.gpu else "no NVIDIA GPU (only detectors use one)"
     labeled("machine", f"{count(found.cores, 'core')}{memory}, {gpu}")
-    labeled("kernels", f"{found.cache_mb:.0f} MB compiled in {found.cache}" if found.cache else "not stored")
+    prebuilt = f"{found.prebuilt_mb:.0f} MB in the package, " if found.prebuilt_mb else ""
+    stored = f"{found.cache_mb:.0f} MB compiled in {found.cache}" if found.cache else "not stored"
+    labeled("kernels", prebuilt + stored)
     if not found.is_cache_writable:
-        others = "other kernels" if found.cache else "kernels"
+        others = "other kernels" if found.cache or found.prebuilt_mb else "kernels"
         where = f"{found.cache} is read-only" if found.cache else "No folder for kernels is writable"
         warn(f"{where}, so every process compiles {others} again. Set NUMBA_CACHE_DIR to a writable folder.")
     labeled("extras", ", ".join(extra.name for extra in found.extras if not extra.missing) or "none")

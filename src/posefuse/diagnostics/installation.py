@@ -61,8 +61,9 @@ class Installation:
         cores: number of logical cores that this process may use.
         memory_gb: memory of the machine, or None where the system does not state it.
         gpu: name of the program that shows an NVIDIA GPU, or empty. posefuse needs none; detectors use one.
-        cache: folder of the compiled kernels; empty where they cannot be stored.
-        cache_mb: size of the compiled kernels; 0 before the first run.
+        prebuilt_mb: size of the compiled kernels that the package contains; 0 if there are none for this machine.
+        cache: folder of the kernels that are compiled on this machine; empty where they cannot be stored.
+        cache_mb: size of these kernels; 0 before the first run.
         is_cache_writable: whether kernels can be stored there. Otherwise each process compiles those that are not.
         extras: optional packages.
         detectors: detectors of keypoints in videos.
@@ -73,6 +74,7 @@ class Installation:
     cores: int
     memory_gb: float | None
     gpu: str
+    prebuilt_mb: float
     cache: str
     cache_mb: float
     is_cache_writable: bool
@@ -85,15 +87,16 @@ def examine_installation() -> Installation:
     versions = {"posefuse": importlib.metadata.version("posefuse"), "python": platform.python_version()}
     versions |= {name: importlib.metadata.version(name) for name in _CORE}
     cache, is_writable = kernel_cache()
-    kernels = [path for pattern in ("*.nbc", "*.nbi") for path in (cache.rglob(pattern) if cache else ())]
+    prebuilt = _prebuilt_kernels()
     return Installation(
         versions,
         f"{platform.platform()}, {platform.machine()}",
         logical_cores(),
         _memory_gb(),
         "nvidia-smi" if shutil.which("nvidia-smi") else "",
+        _size_mb(prebuilt),
         str(cache or ""),
-        sum(path.stat().st_size for path in kernels) / 1e6,
+        _size_mb(_kernel_files(cache) - prebuilt) if cache else 0.0,
         is_writable,
         _extras(),
         tuple(_detector_states()),
@@ -110,6 +113,23 @@ def kernel_cache() -> tuple[Path | None, bool]:
         except (ImportError, OSError):  # The compiler is broken, which the caller examines.
             return None, False
         return store_of(sampson)
+
+
+def _prebuilt_kernels() -> set[Path]:
+    """Return the files of the kernels that the package contains for this machine."""
+    try:
+        from posefuse.kernels import prebuilt
+    except (ImportError, OSError):  # As in kernel_cache.
+        return set()
+    return _kernel_files(prebuilt.FOLDER) if prebuilt.is_usable() else set()
+
+
+def _kernel_files(folder: Path) -> set[Path]:
+    return {path for ending in ("nbc", "nbi") for path in folder.rglob(f"*.{ending}")}
+
+
+def _size_mb(files: set[Path]) -> float:
+    return sum(path.stat().st_size for path in files) / 1e6
 
 
 def _memory_gb() -> float | None:

@@ -14,6 +14,7 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.runtime.nrt import rtsys
 
+from posefuse.kernels import prebuilt
 from posefuse.kernels.stores import LOCATORS, is_read_only, warn_of_no_store
 
 
@@ -87,12 +88,17 @@ class KernelCache(FunctionCache):
         rtsys.initialize(target_context)
         try:
             with self._guard_against_spurious_io_errors():
-                return self._load_overload(sig, target_context)
+                return self._load_prebuilt(sig, target_context) or self._load_overload(sig, target_context)
         except (pickle.UnpicklingError, EOFError):
             # An empty index lets the kernel be compiled and stored again.
             if not is_read_only(self._impl.locator):
                 self.flush()
             return None
+
+    def _load_prebuilt(self, sig: Any, target_context: Any) -> Any:
+        """Load the machine code that the package contains, or return None if there is none."""
+        stored = prebuilt.load(self._py_func, self._index_key(sig, target_context.codegen()))
+        return None if stored is None else self._impl.rebuild(target_context, stored)
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Store a result of compilation, unless the folder cannot be written to."""

@@ -13,6 +13,8 @@ from typing import Any
 from numba.core import config
 from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator, ZipCacheLocator
 
+from posefuse.kernels.prebuilt import holds
+
 _PACKAGE = Path(__file__).parents[1]
 
 
@@ -51,6 +53,15 @@ class ReadOnlyPackage(_ReadOnly, InTreeCacheLocator):
     """The folder of the code, where it cannot be written to."""
 
 
+class PackageWithMachineCode(ReadOnlyPackage):
+    """The folder of a package that contains machine code, where nothing can be stored."""
+
+    @classmethod
+    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> Any:
+        """Return the locator, or None if the package contains no machine code of the function."""
+        return cls(py_func, py_file) if holds(py_func) else None  # type: ignore[call-arg]
+
+
 LOCATORS = [
     UserProvidedCacheLocator,
     ReadOnlyChosenFolder,
@@ -58,6 +69,7 @@ LOCATORS = [
     ReadOnlyPackage,
     UserWideCacheLocator,
     ZipCacheLocator,
+    PackageWithMachineCode,
 ]
 """Places for compiled code, in the order in which they are tried for each kernel."""
 
