@@ -47,3 +47,15 @@ def test_a_broken_core_exits_with_1(monkeypatch, capsys):
         main(["doctor"])
     assert ended.value.code == 1
     assert "OSError: no LLVM" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("reason", "words"), [
+    ("", "10 MB in the package"),
+    ("this processor lacks avx2", "10 MB in the package are not used: this processor lacks avx2"),
+])  # fmt: skip
+def test_kernels_of_the_package_are_stated(reason, words, monkeypatch, tmp_path, capsys):
+    stored = tmp_path / "kernel.nbc"
+    stored.write_bytes(bytes(10_000_000))
+    monkeypatch.setattr(installation, "prebuilt_kernels", lambda: ({stored}, reason))
+    main(["doctor"])
+    assert words in " ".join(capsys.readouterr().out.split())

@@ -85,11 +85,14 @@ def _print(found: "Installation") -> None:
     memory = "" if found.memory_gb is None else f", {found.memory_gb:.0f} GB of memory"
     gpu = "NVIDIA GPU for detectors" if found.gpu else "no NVIDIA GPU (only detectors use one)"
     labeled("machine", f"{count(found.cores, 'core')}{memory}, {gpu}")
-    prebuilt = f"{found.prebuilt_mb:.0f} MB in the package, " if found.prebuilt_mb else ""
-    stored = f"{found.cache_mb:.0f} MB compiled in {found.cache}" if found.cache else "not stored"
-    labeled("kernels", prebuilt + stored)
+    labeled("kernels", _stored_kernels(found))
+    is_complete = found.prebuilt_mb > 0 and not found.prebuilt_unused
+    if found.prebuilt_mb and found.prebuilt_unused:
+        labeled("", f"{found.prebuilt_mb:.0f} MB in the package are not used: {found.prebuilt_unused}")
+    elif is_complete:
+        labeled("", f"{found.prebuilt_mb:.0f} MB in the package")
     if not found.is_cache_writable:
-        others = "other kernels" if found.cache or found.prebuilt_mb else "kernels"
+        others = "other kernels" if found.cache or is_complete else "kernels"
         where = f"{found.cache} is read-only" if found.cache else "No folder for kernels is writable"
         warn(f"{where}, so every process compiles {others} again. Set NUMBA_CACHE_DIR to a writable folder.")
     labeled("extras", ", ".join(extra.name for extra in found.extras if not extra.missing) or "none")
@@ -101,3 +104,9 @@ def _print(found: "Installation") -> None:
         labeled("" if i else "detectors", f"{detector.name} {detector.state}{how}")
     for i, (command, extras) in enumerate(lacking(found).items()):
         labeled("" if i else "lacking", f"posefuse {command}: {', '.join(extras)}")
+
+
+def _stored_kernels(found: "Installation") -> str:
+    if not found.cache:
+        return "not stored"
+    return f"{found.cache_mb:.0f} MB compiled in {found.cache}" if found.cache_mb else f"none compiled in {found.cache}"

@@ -61,7 +61,8 @@ class Installation:
         cores: number of logical cores that this process may use.
         memory_gb: memory of the machine, or None where the system does not state it.
         gpu: name of the program that shows an NVIDIA GPU, or empty. posefuse needs none; detectors use one.
-        prebuilt_mb: size of the compiled kernels that the package contains; 0 if there are none for this machine.
+        prebuilt_mb: size of the compiled kernels that the package contains, used or not.
+        prebuilt_unused: why they are not used; empty if they are.
         cache: folder of the kernels that are compiled on this machine; empty where they cannot be stored.
         cache_mb: size of these kernels; 0 before the first run.
         is_cache_writable: whether kernels can be stored there. Otherwise each process compiles those that are not.
@@ -75,6 +76,7 @@ class Installation:
     memory_gb: float | None
     gpu: str
     prebuilt_mb: float
+    prebuilt_unused: str
     cache: str
     cache_mb: float
     is_cache_writable: bool
@@ -87,7 +89,7 @@ def examine_installation() -> Installation:
     versions = {"posefuse": importlib.metadata.version("posefuse"), "python": platform.python_version()}
     versions |= {name: importlib.metadata.version(name) for name in _CORE}
     cache, is_writable = kernel_cache()
-    prebuilt = _prebuilt_kernels()
+    prebuilt, why_unused = prebuilt_kernels()
     return Installation(
         versions,
         f"{platform.platform()}, {platform.machine()}",
@@ -95,6 +97,7 @@ def examine_installation() -> Installation:
         _memory_gb(),
         "nvidia-smi" if shutil.which("nvidia-smi") else "",
         _size_mb(prebuilt),
+        why_unused,
         str(cache or ""),
         _size_mb(_kernel_files(cache) - prebuilt) if cache else 0.0,
         is_writable,
@@ -115,13 +118,13 @@ def kernel_cache() -> tuple[Path | None, bool]:
         return store_of(sampson)
 
 
-def _prebuilt_kernels() -> set[Path]:
-    """Return the files of the kernels that the package contains for this machine."""
+def prebuilt_kernels() -> tuple[set[Path], str]:
+    """Return the files of compiled kernels that the package contains, and why they are not used; empty if they are."""
     try:
         from posefuse.kernels import prebuilt
-    except (ImportError, OSError):  # As in kernel_cache.
-        return set()
-    return _kernel_files(prebuilt.FOLDER) if prebuilt.is_usable() else set()
+    except (ImportError, OSError) as error:  # As in kernel_cache.
+        return set(), str(error)
+    return _kernel_files(prebuilt.FOLDER), prebuilt.why_unused()
 
 
 def _kernel_files(folder: Path) -> set[Path]:

@@ -6,6 +6,7 @@ caller that is compiled later needs a copy.
 """
 
 import pickle
+from contextlib import suppress
 from functools import cache
 from typing import Any
 
@@ -15,21 +16,14 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.runtime.nrt import rtsys
 
 from posefuse.kernels import prebuilt
-from posefuse.kernels.stores import LOCATORS, is_read_only, warn_of_no_store
+from posefuse.kernels.stores import LOCATORS, check_store, is_read_only
 
 
 def store_machine_code(dispatcher: Any) -> None:
-    """Store the machine code of a kernel on disk; if the compiler is switched off, do nothing.
-
-    Where nothing can be stored, every process compiles.
-    """
-    if not hasattr(dispatcher, "_cache"):
-        return
-    try:
-        dispatcher._cache = KernelCache(dispatcher.py_func)
-    except RuntimeError:
-        # Numba finds no folder that it can use.
-        warn_of_no_store()
+    """Store the machine code of a kernel on disk; if the compiler is switched off, do nothing."""
+    if hasattr(dispatcher, "_cache"):
+        with suppress(RuntimeError):  # The kernel is not in a file.
+            dispatcher._cache = KernelCache(dispatcher.py_func)
 
 
 class _LoadedLibrary(JITCodeLibrary):
@@ -102,5 +96,5 @@ class KernelCache(FunctionCache):
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Store a result of compilation, unless the folder cannot be written to."""
-        if not is_read_only(self._impl.locator):
+        if check_store(self._impl.locator):
             super().save_overload(sig, data)

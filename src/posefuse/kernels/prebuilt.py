@@ -1,17 +1,17 @@
 """Machine code that some wheels contain, so that a new installation does not compile the kernels.
 
 ``scripts/build_wheel.py`` compiles it for all x86-64 processors with AVX2 and fused multiply-add (microarchitecture
-level 3, since 2013). It is used only with the same sources, versions of Numba and Python, and compiler options;
-otherwise, kernels are compiled and stored on the machine.
+level 3, since 2013). Where it does not fit (:func:`why_unused`), kernels are compiled and stored on the machine.
 """
 
 import pickle
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import llvmlite
 from llvmlite import binding
 from numba.core import config
 from numba.core.caching import IndexDataCacheFile
@@ -21,24 +21,44 @@ from posefuse.kernels.compiled_sources import digest
 FOLDER = Path(__file__).parent / "machine_code"
 COMPILER_VARIABLES = {"NUMBA_CPU_NAME": "x86-64-v3", "NUMBA_CPU_FEATURES": ""}
 """Environment variables by which Numba compiles for all of these processors."""
-_FEATURES = ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
-_DEFAULT_OPTIONS = {"CPU_NAME": None, "CPU_FEATURES": None, "BOUNDSCHECK": None, "DEBUGINFO_DEFAULT": None, "OPT": 3}
-_TRUNCATED = (pickle.UnpicklingError, EOFError)
+_FEATURES = ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe", "popcnt")
+_OPTIONS = {
+    "BOUNDSCHECK": False, "CPU_FEATURES": None, "CPU_NAME": None, "DEBUGINFO_DEFAULT": False, "ENABLE_AVX": True,
+    "EXTEND_VARIABLE_LIFETIMES": False, "LLVM_REFPRUNE_PASS": True, "LOOP_VECTORIZE": True, "SLP_VECTORIZE": False,
+}  # fmt: skip
+"""Numba's options that change machine code, with the values for which it is compiled."""
+_OPT = 3
+_UNREADABLE = (pickle.UnpicklingError, EOFError, OSError)
 _KERNELS = Path(__file__).parent
 
 
 @cache
-def is_usable() -> bool:
-    """Return whether the package contains machine code for this processor, these versions, sources and options."""
-    index = next(FOLDER.glob("*.nbi"), None)
-    if index is None or not _has_default_options():
-        return False
+def why_unused() -> str:
+    """Return why the machine code of the package is not used; empty if it is.
+
+    It fits one processor architecture, one version of Numba, llvmlite and Python, one state of the sources, and Numba's
+    default options.
+    """
+    index = min(FOLDER.glob("*.nbi"), default=None)
+    if index is None:
+        return "the package contains none"
+    if _numba_options()["DISABLE_JIT"]:
+        return "the compiler is switched off (NUMBA_DISABLE_JIT)"
     available = binding.get_host_cpu_features()
+    if lacking := [feature for feature in _FEATURES if not available.get(feature, False)]:
+        return f"this processor lacks {', '.join(lacking)}"
+    if not _has_default_options():
+        return "an option of Numba (NUMBA_*) changes machine code"
     try:
         fits = bool(_file(FOLDER, index.stem)._load_index())
-    except _TRUNCATED:
-        return False
-    return fits and all(available.get(feature, False) for feature in _FEATURES)
+    except _UNREADABLE:
+        return f"{index} cannot be read"
+    return "" if fits else "they are for other versions of Numba, llvmlite or Python, or for other sources"
+
+
+def is_usable() -> bool:
+    """Return whether the package contains machine code that is used."""
+    return not why_unused()
 
 
 def holds(function: Callable[..., Any]) -> bool:
@@ -47,7 +67,7 @@ def holds(function: Callable[..., Any]) -> bool:
 
 
 def load(function: Callable[..., Any], key: tuple[Any, ...]) -> Any:
-    """Return the stored machine code of a kernel, or None if there is none or it is truncated.
+    """Return the stored machine code of a kernel, or None if there is none or it cannot be read.
 
     Args:
         function: the kernel's Python function.
@@ -58,7 +78,7 @@ def load(function: Callable[..., Any], key: tuple[Any, ...]) -> Any:
     signature, (triple, *_), source = key
     try:
         return _file(FOLDER, _name(function)).load((signature, (triple, *COMPILER_VARIABLES.values()), source))
-    except _TRUNCATED:
+    except _UNREADABLE:
         return None
 
 
@@ -79,13 +99,23 @@ def export(dispatchers: Iterable[Any], folder: Path) -> int:
 
 
 def _has_default_options() -> bool:
-    """Return whether no environment variable changes what Numba compiles."""
-    return all((getattr(config, name) or None) == value for name, value in _DEFAULT_OPTIONS.items())
+    """Return whether Numba compiles with the options of the machine code."""
+    options = _numba_options()
+    for name, default in _OPTIONS.items():
+        value = options[name]
+        if value is not None if default is None else bool(value) != default:
+            return False
+    return not options["OPT"].is_opt_max and options["OPT"] == _OPT
+
+
+def _numba_options() -> Mapping[str, Any]:
+    """Return the options of environment variables and configuration files, which Numba sets as attributes."""
+    return vars(config)
 
 
 def _file(folder: Path, name: str) -> IndexDataCacheFile:
-    """Return the files of a kernel, which are valid for one version of Numba, Python and all sources."""
-    return IndexDataCacheFile(str(folder), name, (sys.version_info[:2], digest(_KERNELS)))
+    """Return the files of a kernel, which are valid for one version of Numba, llvmlite and Python, and all sources."""
+    return IndexDataCacheFile(str(folder), name, (sys.version_info[:2], llvmlite.__version__, digest(_KERNELS)))
 
 
 def _name(function: Callable[..., Any]) -> str:

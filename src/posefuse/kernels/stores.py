@@ -13,8 +13,6 @@ from typing import Any
 from numba.core import config
 from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator, ZipCacheLocator
 
-from posefuse.kernels.prebuilt import holds
-
 _PACKAGE = Path(__file__).parents[1]
 
 
@@ -53,13 +51,13 @@ class ReadOnlyPackage(_ReadOnly, InTreeCacheLocator):
     """The folder of the code, where it cannot be written to."""
 
 
-class PackageWithMachineCode(ReadOnlyPackage):
-    """The folder of a package that contains machine code, where nothing can be stored."""
+class Nowhere(ReadOnlyPackage):
+    """No folder: kernels can only be loaded from the machine code that the package contains."""
 
     @classmethod
     def from_function(cls, py_func: Callable[..., Any], py_file: str) -> Any:
-        """Return the locator, or None if the package contains no machine code of the function."""
-        return cls(py_func, py_file) if holds(py_func) else None  # type: ignore[call-arg]
+        """Return the locator, or None for a function that is not in a file."""
+        return cls(py_func, py_file) if Path(py_file).is_file() else None  # type: ignore[call-arg]
 
 
 LOCATORS = [
@@ -69,7 +67,7 @@ LOCATORS = [
     ReadOnlyPackage,
     UserWideCacheLocator,
     ZipCacheLocator,
-    PackageWithMachineCode,
+    Nowhere,
 ]
 """Places for compiled code, in the order in which they are tried for each kernel."""
 
@@ -86,7 +84,7 @@ def store_of(kernel: Any) -> tuple[Path | None, bool]:
         kernel: any kernel.
     """
     locator = getattr(getattr(getattr(kernel, "_cache", None), "_impl", None), "locator", None)
-    if locator is None:
+    if locator is None or isinstance(locator, Nowhere):
         return None, False
     if isinstance(locator, UserProvidedCacheLocator):
         return Path(_chosen()), not is_read_only(locator)
@@ -95,12 +93,18 @@ def store_of(kernel: Any) -> tuple[Path | None, bool]:
     return Path(locator.get_cache_path()).parent, True
 
 
+def check_store(locator: Any) -> bool:
+    """Return whether a compiled kernel can be stored at a locator; warn once if there is no folder at all."""
+    if isinstance(locator, Nowhere):
+        _warn_of_no_store()
+    return not is_read_only(locator)
+
+
 @cache
-def warn_of_no_store() -> None:
-    """Warn once that kernels cannot be stored."""
+def _warn_of_no_store() -> None:
     tried = ", ".join(str(path) for path in (_chosen(), _PACKAGE, "the cache of the user") if path)
     warnings.warn(
-        f"No folder for compiled kernels is writable ({tried}), so every process compiles them again. Set "
+        f"No folder for compiled kernels is writable ({tried}), so every process compiles again. Set "
         "NUMBA_CACHE_DIR to a writable folder.",
         stacklevel=2,
     )

@@ -15,6 +15,7 @@ from posefuse.io.files import CHECKPOINT_FOLDER, RESULT_FILES, check_folder_mark
 from posefuse.io.open_recording import digest_path
 from posefuse.io.outputs import exists_error
 from posefuse.io.results.open_result import result_file
+from posefuse.kernels import prebuilt
 from posefuse.model.options.options import Options
 
 RESULT, MARK = RESULT_FILES[:2]
@@ -87,7 +88,9 @@ def recording_keys(
         also: further formats to write.
         window_s: length of the windows into which the recording is divided, or None.
     """
-    versions = {name: version(name) for name in ("numpy", "numba", "scipy")} | {"python": python_version()}
+    versions = {name: version(name) for name in ("numpy", "numba", "llvmlite", "scipy")} | {"python": python_version()}
+    # Kernels that are compiled on the machine can differ in the last digits.
+    versions["kernels"] = "of the machine" if prebuilt.why_unused() else "of the package"
     edited = "" if edits is None else digest_path(edits)
     common = fingerprint(digests, options, window_s=window_s)
     result = fingerprint(digests, options, window_s=window_s, also=sorted(set(also)), edits=edited)

@@ -50,7 +50,7 @@ def _several_people(folder: Path) -> None:
 
 
 def _calibration_by_people(folder: Path) -> None:
-    _write(simulate_crowd(CrowdOptions(people=1, cameras=3, duration_s=2 * _DURATION_S)), folder)
+    _write(simulate_crowd(CrowdOptions(people=2, cameras=3, duration_s=2 * _DURATION_S)), folder)
     calibrate_by_people(folder, intrinsics=folder / "calibration.toml", options=PeopleOptions(stature_m=1.8, jobs=1))
 
 

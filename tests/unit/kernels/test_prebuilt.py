@@ -43,6 +43,8 @@ if mode == "another Numba":
     import numba
 
     numba.__version__ = "0.0"
+if mode == "another llvmlite":
+    prebuilt.llvmlite.__version__ = "0.0"
 if mode == "no store":
     from numba.core.caching import _CacheLocator
 
@@ -83,20 +85,33 @@ def test_machine_code_of_the_package_is_loaded_and_nothing_is_stored(call, tmp_p
     assert not list((tmp_path / "store").rglob("*.nbc"))
 
 
-@pytest.mark.parametrize("mode", ["other sources", "another processor", "another Numba"])
+@pytest.mark.parametrize("mode", ["other sources", "another processor", "another Numba", "another llvmlite"])
 def test_code_that_does_not_fit_is_compiled_and_stored(mode, call, tmp_path):
     assert call(mode) == ["14.0", "0", "0"]
     assert list((tmp_path / "store").rglob("*.nbc"))
     assert call(mode) == ["14.0", "1", "0"]
 
 
-@pytest.mark.parametrize("variable", ["NUMBA_BOUNDSCHECK", "NUMBA_OPT"])
-def test_options_of_the_compiler_are_respected(variable, call):
-    assert call("as it is", **{variable: "1"}) == ["14.0", "0", "0"]
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        ("BOUNDSCHECK", "1"),
+        ("OPT", "1"),
+        ("OPT", "max"),
+        ("LOOP_VECTORIZE", "0"),
+        ("ENABLE_AVX", "0"),
+        ("CPU_NAME", ""),
+    ],
+)
+def test_options_of_the_compiler_are_respected(option, value, call):
+    assert call("as it is", **{f"NUMBA_{option}": value}) == ["14.0", "0", "0"]
 
 
-def test_a_package_without_a_store_needs_none_and_does_not_warn(call, tmp_path):
+def test_a_package_without_a_store_warns_only_if_it_compiles(call, tmp_path):
     assert call("no store") == ["14.0", "1", "0"]
+    for path in (tmp_path / "package").glob("*.nbc"):
+        path.unlink()
+    assert call("no store") == ["14.0", "0", "1"]
     assert not (tmp_path / "store").exists()
 
 

@@ -44,3 +44,14 @@ def test_the_death_of_a_process_is_explained(monkeypatch):
     monkeypatch.setattr(module, "_run", _die)
     with pytest.raises(PosefuseError, match="out of memory.*jobs=1"):
         warm_up(1)
+
+
+@pytest.mark.parametrize(("writable", "words"), [(True, "others are stored in"), (False, "The package contains them")])
+def test_kernels_of_the_package_need_no_store(writable, words, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(installation, "kernel_cache", lambda: (tmp_path, writable))
+    monkeypatch.setattr(installation, "prebuilt_kernels", lambda: ({tmp_path / "kernel.nbc"}, ""))
+    monkeypatch.setattr(module, "warm_up", lambda *_, **__: ("one subject",))
+    main(["warm-up"])
+    text = " ".join(capsys.readouterr().out.split())
+    assert "Kernels for one subject are ready." in text
+    assert words in text
