@@ -102,7 +102,7 @@ def _has_default_options() -> bool:
     """Return whether Numba compiles with the options of the machine code."""
     options = _numba_options()
     for name, default in _OPTIONS.items():
-        value = options[name]
+        value = options.get(name, default)
         if value is not None if default is None else bool(value) != default:
             return False
     return not options["OPT"].is_opt_max and options["OPT"] == _OPT
