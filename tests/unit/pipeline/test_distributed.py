@@ -135,13 +135,13 @@ def test_interrupted_tracking_promises_no_partial_result(tmp_path, monkeypatch):
     """Of a divided recording there is none, and the next run continues after the last chunk."""
     scene = simulate_people(9.0, 2, 3)
     options = Options(people="many", noise_scale_px=14.0, pairs="labels", chunk_frames=75)
-    process, left = ArticulatedTracker.track_bodies, [100]
+    track_bodies, left = ArticulatedTracker.track_bodies, [100]
 
     def interrupted(tracker: ArticulatedTracker, frame: Frame) -> object:
         left[0] -= 1
         if not left[0]:
             raise KeyboardInterrupt
-        return process(tracker, frame)
+        return track_bodies(tracker, frame)
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt), warnings.catch_warnings():
         patch.setattr(ArticulatedTracker, "track_bodies", interrupted)
