@@ -43,6 +43,7 @@ def compile_kernels(folder: Path) -> None:
     from posefuse.kernels.prebuilt import export
     from posefuse.pipeline.warm_up import warm_up
 
+    folder.mkdir(parents=True, exist_ok=True)
     warm_up(jobs=1)  # Several processes would store one of several equivalent codes.
     print(f"Compiled {export(kernels(), folder)} kernels.")
 
@@ -64,7 +65,6 @@ def build(out_dir: Path) -> None:
     python = f"cp{sys.version_info.major}{sys.version_info.minor}"
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary, "kernels")
-        folder.mkdir()
         command = [sys.executable, __file__, "--kernels", folder]
         subprocess.run(command, check=True, env=_compiler_environment(temporary), cwd=temporary)
         digest.cache_clear()
